@@ -15,11 +15,13 @@ import mitsuba as mi
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mi_lcair.coincident import unit_normals, weld
+from mi_lcair.coincident import SINGLE, unit_normals
+from mi_lcair.derivatives.edges import FLAT, ModelEdges
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, DrawTable, is_mesh
 from mi_lcair.plugins.emission.spherical_polygons import LARGE
 from mi_lcair.plugins.emission.triangles import (
     Choice,
+    is_faceted,
     numbers_of_triangles,
     triangle_vertices,
 )
@@ -37,64 +39,21 @@ MOST_PATHS = 2**19  # paths of one pass, times their reflections, whose derivati
 # Distance at which surfaces touch, in parts of the extent; cosine of a ray that runs along one; and
 # where along an edge this is tried
 INSET, GRAZING, PLACES = 1e-5, 1e-3, (0.23, 0.51, 0.79)
-FLAT = 1e-6  # distance of a vertex from a plane, in parts of the extent, at which it lies in it
 EDGES = 0x27D4EB2F  # changes the seed of paths that begin beside silhouettes
 
 
 def can_attach(scene, tracer) -> bool:
-    """Whether paths can be attached: the model is all that there is, apart from the sky.
+    """Whether paths can be attached: there are only meshes with flat triangles, and the sky.
 
-    It consists of meshes with flat triangles, which reflect by smooth lobes.
+    The meshes reflect by smooth lobes.
     """
     emitters, walk, shapes = tracer.emitters, tracer.paths, list(scene.mi.shapes())
     plain = not emitters.passes and emitters.sun is None
     plain &= walk.by_bin is None and walk.ambient_radiance is None
     unfit = [mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Delta) for shape in shapes]
     unfit += [shape.is_mesh() and shape.has_vertex_normals() for shape in shapes]
-    return bool(plain and not any(unfit) and len(meshes_of_model(scene) or ()) == len(shapes))
-
-
-class ModelEdges:
-    """The edges of triangles at which a surface may end, as a point or a direction sees it.
-
-    ends: two vertices of each edge (E, 2). opposite: the third vertex of each of its triangles, -1
-    for none, (E, K). beside: the numbers of these triangles, (E, K). Edges between two triangles of
-    one kind in one plane are left out.
-
-    vertices: (V, 3) [m]. triangles: their vertices (T, 3). kinds: a number of each triangle, (T,).
-    """
-
-    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, kinds=None):
-        same, size = weld(vertices), np.ptp(vertices, axis=0).max()
-        sides = np.concatenate([np.roll(triangles, k, axis=1) for k in range(3)])
-        ends = np.sort(same[sides[:, :2]], axis=1)
-        _, first, edge, count = np.unique(
-            ends, axis=0, return_index=True, return_inverse=True, return_counts=True
-        )
-        unique, edge = sides[first, :2], edge.ravel()
-        order = np.argsort(edge, kind="stable")
-        place = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
-        opposite = np.full((len(unique), count.max()), -1)
-        opposite[edge[order], place] = sides[order, 2]
-        beside = np.full(opposite.shape, -1)
-        beside[edge[order], place] = order % len(triangles)
-        a, b = vertices[unique].swapaxes(0, 1)
-        self.length = np.linalg.norm(b - a, axis=1)
-        third = vertices[opposite] - a[:, None]
-        normal = np.cross(b - a, third[:, 0])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-        height = np.abs(np.einsum("ek,ejk->ej", normal, third)).max(
-            axis=1, where=opposite >= 0, initial=0
-        )
-        along = (b - a) / np.maximum(self.length, 1e-300)[:, None]
-        across = np.cross(normal, along)
-        far = np.einsum("ek,ejk->ej", across, third)
-        beyond = np.where(opposite >= 0, far * far[:, :1], 1).min(axis=1) < 0
-        of_kind = np.zeros(len(triangles)) if kinds is None else kinds
-        alike = (of_kind[beside] == of_kind[beside[:, :1]])[:, 1:] | (beside[:, 1:] < 0)
-        keep = ~((height < FLAT * size) & beyond & alike.all(axis=1)) & (self.length > 0)
-        self.ends, self.opposite, self.beside = unique[keep], opposite[keep], beside[keep]
-        self.length = self.length[keep]
+    unfit += [not is_faceted(shape) for shape in shapes]
+    return bool(plain and not any(unfit) and meshes_of_model(scene) is not None)
 
 
 @dataclass(frozen=True)
@@ -164,11 +123,12 @@ class AttachedPaths:
         self.scene, self.walk, self.emitters = tracer.scene, tracer.paths, tracer.emitters
         self.rays, self.number = ParallelRays.of(sensor), numbers_of_triangles(surface.meshes)
         vertices = surface.vertices
-        ends = np.append(0, surface.ends)
-        order = [triangle_vertices(mesh) + first for mesh, first in zip(surface.meshes, ends)]
+        firsts = np.append(0, surface.ends)
+        order = [triangle_vertices(mesh) + first for mesh, first in zip(surface.meshes, firsts)]
         self.corners = mi.UInt32(np.ravel(np.concatenate(order)).astype(np.uint32))
-        self.extent = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        self.edges = ModelEdges(vertices, surface.triangles, kinds)
+        of_model = vertices[: surface.of_model]
+        self.extent = float(np.linalg.norm(np.ptp(of_model, axis=0)))
+        self.edges = ModelEdges(surface, kinds)
         self.curves = None if starts is None else self.crossings()
         pierced, self.crossing = self.curves or (np.zeros((0, 2, 5), int), np.zeros((0, 2), int))
         self.lines = self.edges.ends, vertices
@@ -185,12 +145,13 @@ class AttachedPaths:
             mi.UInt32(np.ravel(of).astype(np.int64) % 2**32)
             for of in (pierced, self.lines[0], self.edges.opposite, self.crossing + 1)
         )
-        self.by_length = self.choice(self.length) if len(self.length) else None
-        # Of the model, the radiance of the sky stays where it is
+        # Far ones are seen at smaller angles
+        away = np.linalg.norm((a + b) / 2 - of_model.mean(axis=0), axis=1) / self.extent
+        seen = self.length / np.maximum(away, 1)
+        self.by_length = self.choice(seen) if len(seen) else None
+        # Of meshes, the radiance of the sky stays where it is
         self.drawing, known = copy(self.emitters), (self.emitters.bounds, self.emitters.brightest)
-        of_model = set(surface.meshes)
-        emitters = filter(is_mesh, self.emitters.emitters)
-        meshes = [of for of in emitters if of.get_shape() in of_model]
+        meshes = list(filter(is_mesh, self.emitters.emitters))
         table = DrawTable(meshes, *known, PREFERENCE)
         self.drawing.tables = [table] if table.panel_count else []
         if table.panel_count:
@@ -203,6 +164,7 @@ class AttachedPaths:
         if starts is not None:
             area, _ = surface.in_view(sensor, vertices)
             self.aim = FacetStarts.at(surface.meshes, vertices[surface.triangles], area, starts)
+            self.aim.tables.extent = dr.opaque(mi.Float, self.extent)
             self.silhouettes = self.seen_by_sensor()
 
     def choice(self, lengths: np.ndarray) -> tuple:
@@ -236,23 +198,20 @@ class AttachedPaths:
         and what passes through.
         """
         if velocities is not None:
-            apart = np.abs(velocities - velocities[weld(self.surface.vertices)]).max()
-            if apart > TURN * np.abs(velocities).max() or self.ends_within_edges:
+            apart = np.abs(velocities - velocities[self.surface.welded]).max()
+            if apart > TURN * np.abs(velocities).max() or velocities[self.ends_within_edges].any():
                 return True
-        known = self.met if velocities is None or not any(self.met) else self.meetings(velocities)
-        passes, touches = known
+        passes, touches = self.meetings(velocities)
         return touches or (passes and self.curves is None)
-
-    @cached_property
-    def met(self) -> tuple[bool, bool]:
-        return self.meetings()
 
     def meetings(self, velocities=None) -> tuple[bool, bool]:
         """Whether an edge passes through a triangle of another part, and whether it touches one.
 
-        With velocities of the vertices (V, 3), only touches count that come apart or pass through.
+        Only those count of which a part moves. With velocities of the vertices (V, 3), only touches
+        count that come apart or pass through.
         """
         vertices, edges = self.surface.vertices, self.edges
+        moves = self.surface.moving >= 0 if velocities is None else velocities.any(axis=1)
         if not len(edges.ends):
             return False, False
         a, b = (vertices[edges.ends[:, k]] for k in range(2))
@@ -273,9 +232,10 @@ class AttachedPaths:
         pi = self.scene.ray_intersect_preliminary(ray)
         hit = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
         met, number, to, t = (values[hit >= 0] for values in (hit, number, to, t))
-        same, triangles = weld(vertices), self.surface.triangles[met]
+        same, triangles = self.surface.welded, self.surface.triangles[met]
         shares = (same[triangles][:, :, None] == same[edges.ends[number, None]]).any(axis=(1, 2))
         normals = unit_normals(vertices[triangles])
+        shares |= ~moves[edges.ends[number]].any(axis=1) & ~moves[triangles].any(axis=1)
         meets = ~shares & (np.abs(np.sum(normals * to, axis=1)) > GRAZING)
         if velocities is not None and meets.any():
             u, v = pi.prim_uv.numpy()[:, hit >= 0]
@@ -293,7 +253,7 @@ class AttachedPaths:
         the numbers of the two triangles, (n, 2). None if not all ends are found.
         """
         vertices, triangles = self.surface.vertices, self.surface.triangles
-        edges = ModelEdges(vertices, triangles, np.arange(len(triangles)))
+        edges = ModelEdges(self.surface, np.arange(len(triangles)))
         a, b = vertices[edges.ends].swapaxes(0, 1)
         along, inset = (b - a) / edges.length[:, None], INSET * self.extent
         edge, t, found = np.arange(len(a)), np.full(len(a), inset), [np.zeros((0, 2), int)]
@@ -306,30 +266,37 @@ class AttachedPaths:
             edge, t = edge[on], t[on]
             found.append(np.stack([edge, met[on]], axis=1))
         edge, met = np.concatenate(found).T
-        same = weld(vertices)
+        same = self.surface.welded
         shares = (same[triangles[met]][:, :, None] == same[edges.ends[edge, None]]).any(axis=(1, 2))
         edge, met = edge[~shares], met[~shares]
         rows, k = np.nonzero(edges.beside[edge] >= 0)
         pairs = np.sort(np.stack([edges.beside[edge[rows], k], met[rows]], axis=1), axis=1)
         pairs, number, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-        if (count != 2).any():
+        moves = (self.surface.moving >= 0)[triangles[pairs]].any(axis=(1, 2))
+        if (count[moves] != 2).any():
             return None
-        rows = rows[np.argsort(number.ravel(), kind="stable")]
+        order = np.argsort(number.ravel(), kind="stable")
+        rows = rows[order][moves[number.ravel()[order]]]
         ends = np.concatenate([edges.ends[edge], triangles[met]], axis=1)[rows]
-        return ends.reshape(-1, 2, 5), pairs
+        return ends.reshape(-1, 2, 5), pairs[moves]
 
     @cached_property
-    def ends_within_edges(self) -> bool:
-        """Whether an edge ends within another one, so that both are the edge of a surface."""
+    def ends_within_edges(self) -> np.ndarray:
+        """Where an edge ends within another one, so that both are the edge of a surface.
+
+        The vertices of the other one and of the end, (n, 3).
+        """
         vertices, edges = self.surface.vertices, self.edges
-        ends = np.unique(weld(vertices)[edges.ends])
+        ends = np.unique(self.surface.welded[edges.ends])
         a, b = vertices[edges.ends].swapaxes(0, 1)
         near = cKDTree(vertices[ends]).query_ball_point((a + b) / 2, edges.length * (0.5 - TURN))
         edge, point = np.repeat(np.arange(len(near)), list(map(len, near))), vertices[ends]
-        point = point[np.concatenate(near).astype(int)] - a[edge]
+        number = np.concatenate(near).astype(int)
+        point = point[number] - a[edge]
         along = ((b - a) / edges.length[:, None])[edge]
         beside = np.linalg.norm(np.cross(along, point), axis=1)
-        return bool((beside < INSET * self.extent).any())
+        within = beside < INSET * self.extent
+        return np.column_stack([edges.ends[edge], ends[number]])[within]
 
     # -------------------------------------------------------------------- Attached geometry
 
@@ -402,6 +369,10 @@ class AttachedPaths:
         size = dr.select(above == below, 0.0, dr.select(within, 0.5, 1.0))
         size = dr.select(of_curve, point.side, dr.select(above, -size, size))
         return dr.detach(normal * size)
+
+    def aside(self, z) -> mi.Float:
+        """Distance from an edge at a point in which a ray passes it [m]."""
+        return BESIDE * self.extent + SINGLE * dr.max(dr.abs(z))
 
     def is_beside(self, edge, pi, active) -> mi.Bool:
         """Whether rays have hit one of the two triangles that pass through each other there."""
@@ -609,7 +580,7 @@ class AttachedPaths:
             x0, z0, side = dr.detach(x), dr.detach(z), dr.detach(b - a)
             n = self.outward(edge, dr.cross(z0 - x0, side))
             distance = dr.norm(z0 - x0)
-            near = z0 + BESIDE * self.extent * n
+            near = z0 + self.aside(z0) * n
             to = dr.normalize(near - x0)
             f = place.detached(visit.bsdf, toward, (z0 - x0) / distance, active)
             active &= (dr.squared_norm(n) > 0) & (f > 0) & (visit.throughput > 0)
@@ -646,7 +617,7 @@ class AttachedPaths:
         with dr.suspend_grad():
             z0, side, d = dr.detach(z), dr.detach(b - a), self.rays.direction
             n = self.outward(edge, dr.cross(d, side))
-            position = self.rays.position(z0 + BESIDE * self.extent * n, column)
+            position = self.rays.position(z0 + self.aside(z0) * n, column)
             active = dr.all((position >= 0) & (position < 1)) & (dr.squared_norm(n) > 0)
             ray = self.rays.at(column, row, position, paths.columns, paths.rows)
             distance = dr.dot(z0 - ray.o, d)

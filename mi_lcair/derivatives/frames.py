@@ -193,6 +193,11 @@ def is_black(bsdf) -> bool:
     return is_grey_diffuse(bsdf) and mi.traverse(bsdf)["reflectance.value"][0] == 0
 
 
+def is_even(emitter) -> bool:
+    """Whether an emitter is known to have one radiance on each triangle."""
+    return is_thermal(emitter) and emitter.facet_radiance() is not None
+
+
 def across(side: np.ndarray) -> np.ndarray:
     """Vectors (n, 2) perpendicular to others, and as long."""
     return np.stack([-side[:, 1], side[:, 0]], axis=1)
@@ -201,7 +206,8 @@ def across(side: np.ndarray) -> np.ndarray:
 class Frame:
     """A frame of a scene, and its derivatives along motions. Use it while the scene is prepared.
 
-    surface: MovedMesh. windows: the pixels. paths: the AttachedPaths.
+    surface: MovedMesh. windows: the pixels. paths: the AttachedPaths. varies: whether what a mesh
+    shows may differ from place to place of a triangle, of all vertices, (V,).
     """
 
     def __init__(self, surface: MovedMesh, windows: Windows, tracer):
@@ -211,7 +217,15 @@ class Frame:
         kinds = np.unique(shown, axis=0, return_inverse=True)[1].ravel()
         self.paths = AttachedPaths(surface, windows.sensor, tracer, None, kinds)
         self.film, self.surface, self.kinds = Film.of(windows.sensor), surface, kinds
-        self.is_black = all(is_black(mesh.bsdf()) for mesh in meshes)
+        self.extent = np.linalg.norm(np.ptp(surface.vertices, axis=0))
+        black = [is_black(mesh.bsdf()) for mesh in meshes]
+        self.is_black = all(black)
+        self.reflecting = surface.triangles[~np.array(black)[of_mesh]]
+        varies = [
+            is_textured(mesh.bsdf()) or (of is not None and not is_even(of))
+            for mesh, of in ((mesh, mesh.emitter()) for mesh in meshes)
+        ]
+        self.varies = np.repeat(varies, np.diff(surface.ends, prepend=0))
 
     @cached_property
     def may_step(self) -> np.ndarray:
@@ -238,10 +252,7 @@ class Frame:
             surface = MovedMesh(scene, None)
         except InputError:  # a triangle without area
             return None
-        varies = [is_textured(mesh.bsdf()) for mesh in surface.meshes]
-        emitters = filter(None, (mesh.emitter() for mesh in surface.meshes))
-        varies += [not is_thermal(of) or of.facet_radiance() is None for of in emitters]
-        return None if any(varies) else Frame(surface, windows, tracer)
+        return Frame(surface, windows, tracer)
 
     # ------------------------------------------------------------------ Edges on the film
 
@@ -271,7 +282,8 @@ class Frame:
         low, high = edges.span
         s = (low + (high - low) * np.random.default_rng([seed, first]).random((R, n))).ravel()
         (a, b), edge = np.tile(edges.ends, R).transpose(0, 2, 1), np.tile(edges.edge, R)
-        rounding = ROUNDINGS * SINGLE * np.abs(self.surface.vertices).max()
+        points = self.surface.vertices[self.paths.edges.ends[edge]]
+        rounding = ROUNDINGS * SINGLE * np.abs(points).max(axis=(1, 2))
         pitch = np.linalg.norm(film.axes[:, 0])  # [m]
         pitch = pitch * np.minimum(a[:, 2], b[:, 2]) if film.is_central else pitch
         side = (b - a)[:, :2]
@@ -293,7 +305,7 @@ class Frame:
         depth: of the edge, (n,) [m].
         """
         paths, film = self.paths, self.film
-        near = np.maximum(depth - paths.extent, film.depths[0])
+        near = np.maximum(depth - self.extent, film.depths[0])
         start, to = film.rays(place, near)
         length = np.linalg.norm(to, axis=1)
         farthest = mi.Float((film.depths[1] - near) * length)
@@ -325,11 +337,8 @@ class Frame:
 
     @cached_property
     def shown(self) -> np.ndarray:
-        """Numbers of the pixels in the boxes around triangles on the film; no others change."""
-        corners, size = (
-            self.film.seen(self.surface.vertices[self.surface.triangles]),
-            self.film.size,
-        )
+        """Numbers of the pixels in the boxes around triangles that reflect; no others change."""
+        corners, size = self.film.seen(self.surface.vertices[self.reflecting]), self.film.size
         is_before = (corners[..., 2] >= self.film.depths[0]).all(axis=1)[:, None]
         ends = np.floor(np.where(is_before[..., None], corners[..., :2], 0))
         first = np.clip(np.where(is_before, ends.min(axis=1), 0), 0, size).astype(int)
@@ -395,8 +404,9 @@ def along_frame(
         frame = Frame.of(scene, windows, tracer)
         if frame is None:
             return {}
-        meets = frame.paths.meets_itself
-        names = [name for name, of in rates.items() if of is not None and not meets(of)]
+        meets, varies = frame.paths.meets_itself, frame.varies
+        rates = {k: frame.surface.of_all(of) for k, of in rates.items() if of is not None}
+        names = [k for k, of in rates.items() if not of[varies].any() and not meets(of)]
         if not names:
             return {}
         velocities, points = np.array([rates[name] for name in names]), windows.points(few.spp)

@@ -41,15 +41,16 @@ BESIDE = 1e-3  # distance from a vertex, in these heights, at which other surfac
 
 
 class MovedMesh:
-    """The triangles of a model, and those of its vertices that move: the vertices of a group.
+    """The triangles of a scene, and those of its vertices that move: the vertices of a group.
 
     None for the group is the whole model. Vertices at the same position move together, also those
     of other groups, so that no crack opens.
     Raises InputError for an unknown group, or if a part of the model is no mesh or has a
     triangle without area.
 
-    scene: Scene. meshes: those of the model. vertices: of all meshes (V, 3) [m], Float64. ends:
-    numbers of vertices at which the next mesh begins. triangles: their vertices (T, 3),
+    scene: Scene. meshes: those of the model, and then those of the background. of_model: number of
+    the model's vertices. vertices: of all meshes (V, 3) [m], Float64. ends: numbers of
+    vertices up to the end of each mesh. welded: see `weld`, (V,). triangles: their vertices (T, 3),
     anticlockwise about the outward normal. moving:
     number of each vertex among those that move, -1 for one that does not, (V,). positions: those of
     the moving vertices, (n, 3) [m]. corners: as `moving`, for the corners of the triangles, (T, 3).
@@ -58,17 +59,18 @@ class MovedMesh:
     """
 
     def __init__(self, scene, group: str | None):
-        self.scene, self.meshes = scene, facets.meshes_of_model(scene)
-        groups = groups_of_meshes(scene) | {None: self.meshes or []}
+        self.scene, model = scene, facets.meshes_of_model(scene)
+        groups = groups_of_meshes(scene) | {None: model or []}
         check_known(f"group of meshes of {scene.name}", groups, group)
-        if self.meshes is None:
+        if model is None:
             raise InputError(f"{scene.name}: a part of the model is no mesh, and has no vertices")
+        self.meshes = model + facets.background_meshes(scene)
         vertices = [vertex_positions(mesh).astype(float) for mesh in self.meshes]
         faces = [
             triangle_vertices(mesh)[:, :: -1 if mesh.has_flipped_normals() else 1].astype(int)
             for mesh in self.meshes
         ]
-        for mesh, corners in zip(self.meshes, (v[f] for v, f in zip(vertices, faces))):
+        for mesh, corners in zip(model, (v[f] for v, f in zip(vertices, faces))):
             flat = ~facets.normals_of(corners).any(axis=1)
             if flat.any():
                 raise InputError(
@@ -76,17 +78,21 @@ class MovedMesh:
                     "remove it"
                 )
         *firsts, _ = ends = np.cumsum([0, *map(len, vertices)])
-        self.ends, self.vertices = ends[1:-1], np.concatenate(vertices)
+        self.ends, self.vertices = ends[1:], np.concatenate(vertices)
+        self.of_model = count = int(ends[len(model)])
+        parts = (0, self.vertices[:count]), (count, self.vertices[count:])
+        self.welded = np.concatenate([first + weld(part) for first, part in parts if len(part)])
         self.triangles = np.concatenate([f + first for f, first in zip(faces, firsts)])
         of_group = [mesh in groups[group] for mesh in self.meshes]
         self.in_group = np.repeat(of_group, list(map(len, faces)))
-        welded, moving = weld(self.vertices), np.full(len(self.vertices), -1)
-        places = np.unique(welded[self.triangles[self.in_group]])
+        moving = np.full(len(self.vertices), -1)
+        places = np.unique(self.welded[self.triangles[self.in_group]])
         moving[places] = np.arange(len(places))
-        self.moving, self.positions = moving[welded], self.vertices[places]
+        self.moving, self.positions = moving[self.welded], self.vertices[places]
         self.corners = self.moving[self.triangles]
         self.has = self.by_vertex(np.ones(self.corners.shape))
-        self.sides = facets.facings(self.meshes)[1]
+        is_model = np.arange(len(faces)) < len(model)
+        self.sides = facets.facings(self.meshes)[1] * np.repeat(is_model, list(map(len, faces)))
 
     def by_vertex(self, values: np.ndarray) -> csr_array:
         """Values of the corners of each triangle (T, 3) by moving vertex, (T, n)."""
@@ -148,13 +154,18 @@ class MovedMesh:
             colours[vertex] = next(k for k in count() if k not in taken)
         return colours
 
+    def of_all(self, velocities: np.ndarray) -> np.ndarray:
+        """Velocities of all vertices (V, 3) from those of the model; the background is at rest."""
+        return np.pad(velocities, [(0, len(self.vertices) - len(velocities)), (0, 0)])
+
     def displaced(self, displacements: np.ndarray) -> np.ndarray:
         """All vertices after displacements (n, 3) of those that move, (V, 3) [m]."""
         return self.vertices + np.append(displacements, np.zeros((1, 3)), axis=0)[self.moving]
 
     def by_mesh(self, vertices: np.ndarray) -> dict[mi.Shape, np.ndarray]:
-        """The vertices (V, 3) [m] by mesh."""
-        return dict(zip(self.meshes, np.split(vertices, self.ends)))
+        """The vertices of the model (V, 3) [m] by mesh."""
+        of_meshes = zip(self.meshes, self.ends, np.split(vertices, self.ends[:-1]))
+        return {mesh: of for mesh, end, of in of_meshes if end <= self.of_model}
 
     def in_view(self, sensor, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Visible areas of the triangles in parts of the window's area, (T,).
@@ -426,6 +437,7 @@ def slope_along(scene, sensor, velocities: np.ndarray, paths: int, seed: int):
         surface = MovedMesh(scene, None)
     except InputError:  # a triangle without area
         return None
+    velocities = surface.of_all(velocities)
     growth = velocity_of_areas(surface, sensor, velocities)
     area, _ = surface.in_view(sensor, surface.vertices)
     radiance = facets.radiances(surface.meshes)
@@ -458,7 +470,8 @@ def comes_apart(scene, sensor, velocities: np.ndarray) -> bool:
     except InputError:  # a triangle without area
         return False
     with scene.prepared() as tracer:
-        return AttachedPaths(surface, sensor, tracer, None).meetings(velocities)[1]
+        paths = AttachedPaths(surface, sensor, tracer, None)
+        return paths.meetings(surface.of_all(velocities))[1]
 
 
 def velocity_of_areas(surface: MovedMesh, sensor, velocities: np.ndarray) -> np.ndarray:

@@ -167,6 +167,12 @@ def meshes_of_model(scene) -> list[mi.Shape] | None:
     return model if model and all(map(is_faceted, model)) else None
 
 
+def background_meshes(scene) -> list[mi.Shape]:
+    """The meshes of a scene that are no part of its model: sky and terrain."""
+    of_model = model_shapes(scene)
+    return [shape for shape in scene.mi.shapes() if shape not in of_model and is_faceted(shape)]
+
+
 def starts_on_facets(scene, sensor, brightest: float) -> FacetStarts | None:
     """Starts on the facets of a scene's model that emit, in the window of an orthographic sensor.
 

@@ -167,7 +167,10 @@ def test_mirrored_mesh(tmp_path):
 
 
 def test_nearer_body_hides_a_farther_one():
-    """The square behind a small cube: where they overlap, only the cube's edges count."""
+    """The square behind a small cube: where they overlap, only the cube's edges count.
+
+    A square of the background hides as much. It moves against the camera.
+    """
     small, at = 0.2 * TURNED + [1.0, 0, 0], np.array([4.0, 0.1, 0.2])
     scene = scene_of(square(kelvin=400.0), convex_hull("cube", small), at=at)
     found, _ = derivative(scene, "cube.y_m", "square.y_m", spp=64)
@@ -176,6 +179,11 @@ def test_nearer_body_hides_a_farther_one():
     inside = (covered(on_film(small, at)) > 0) | (cube != 0)
     assert close(found[0], (1 - ratio) * cube, 5e-4)
     assert close(found[1], ratio * large * ~inside)
+    names = "cube.y_m", "observer.range_m"
+    of_model = derivative(scene, *names, spp=64)[0]
+    ground = square(kelvin=400.0, facet_type="terrain")
+    before = derivative(scene_of(ground, convex_hull("cube", small), at=at), *names, spp=64)[0]
+    assert all(close(of, to, 5e-4) for of, to in zip(before, of_model))
 
 
 def test_neighbours_in_one_plane():
@@ -188,9 +196,10 @@ def test_neighbours_in_one_plane():
     assert close(found[0], ratio * of[0] + of[1])
 
 
-def test_plates_light_each_other():
+@pytest.mark.parametrize("of_floor", ["model", "terrain"])
+def test_plates_light_each_other(of_floor):
     """The mean over the pixels times the window's area is an intensity of known derivative."""
-    scene, h = closed.plates(), 1e-4
+    scene, h = closed.plates(floor=of_floor), 1e-4
     found = mi_lcair.derivative_images(scene, ["plate.z_m"], spp=256)
     assert found.method == (ALONG_FRAME,)
     means = found.derivatives.mean(axis=(1, 2, 3)) * window_area(scene.sensor(0), "plates")
@@ -251,7 +260,9 @@ def test_other_emission_is_differentiated_by_differences():
     buffers["vertex_positions"] = np.ravel(SQUARE + [0.5, 0, 0]).astype(np.float32)
     buffers["faces"] = np.uint32([0, 1, 2, 0, 2, 3])
     buffers.update()
-    derivative(scene_of(square(), lamp), "square.y_m", method=ON_FILM)
+    scene = scene_of(square(), lamp)
+    derivative(scene, "model.yaw_deg", method=ON_FILM)
+    derivative(scene, "square.y_m")
 
 
 def properties(**plugins) -> mi.Properties:

@@ -32,6 +32,8 @@ from tests.derivatives.motions.test_differences import (
     view_of_wall,
 )
 
+SKY = {"plate": "sky"}
+
 
 def derivatives(scene, group: str, along=None, paths: int = 2**14, seed: int = 0):
     """Surface of a group, and the derivatives by its vertices."""
@@ -126,9 +128,12 @@ def panel(name: str, middle, kelvin: float = 300.0, reflectance: float = 0.0):
     return mesh(name, corners, [[0, 1, 2], [0, 2, 3]], reflectance, kelvin)
 
 
-@pytest.mark.parametrize("kind", ["welded", "split", "mirrored", "two-sided"])
+@pytest.mark.parametrize("kind", ["welded", "split", "mirrored", "two-sided", "background"])
 def test_a_square_that_hides_another(kind):
-    """It moves by 1 m: along its edge, of which a part is before the hot one, this is uncovered."""
+    """It moves by 1 m: along its edge, of which a part is before the hot one, this is uncovered.
+
+    If it belongs to the background, the hot one moves in its place.
+    """
     parts = []
     for name, middle, kelvin in (("cold", [0.3, 0.2, 0], 3.0), ("hot", [0, 0, 0], 300.0)):
         corners = 0.25 * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]]) + middle
@@ -139,8 +144,10 @@ def test_a_square_that_hides_another(kind):
         bsdf = {"type": "diffuse", "reflectance": 0.0}
         bsdf = {"type": "twosided", "bsdf": bsdf} if kind == "two-sided" else bsdf
         triangles = triangles[:, :: -1 if turned else 1]
-        parts.append(mesh(name, corners, triangles, 0.0, kelvin, bsdf, turned))
-    _, result = derivatives(scene_of(*parts), "cold", lambda p: 0 * p + [0, 1.0, 0], 2**15)
+        facet_type = "terrain" if (kind, name) == ("background", "cold") else "model"
+        parts.append(mesh(name, corners, triangles, 0.0, kelvin, bsdf, turned, facet_type))
+    moves, way = ("hot", -1) if kind == "background" else ("cold", 1)
+    _, result = derivatives(scene_of(*parts), moves, lambda p: 0 * p + [0, way, 0], 2**15)
     exact = L * (0.5 * VIEW[0] - 0.3 * VIEW[2])
     sum_, error = result.total
     assert abs(sum_ - exact) < 3.5 * error < 0.01 * exact
@@ -224,11 +231,15 @@ def test_equal_to_attached_differences():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["parallel plates", "wall on a floor"])
+@pytest.mark.parametrize("case", ["parallel plates", "below a sky", "wall on a floor"])
 def test_light_of_a_near_emitter(case):
-    """A hot plate moves away from a grey one, or a hot wall that stands on a floor grows."""
-    if case == "parallel plates":
-        scene, group, along = plates(), "plate", lambda p: 0 * p + [0, 0, 1.0]
+    """A hot plate moves away from a grey one, or a hot wall that stands on a floor grows.
+
+    If the hot plate belongs to the background, the grey one moves.
+    """
+    if case != "wall on a floor":
+        moves, way, more = ("plate", 1, {}) if case == "parallel plates" else ("floor", -1, SKY)
+        scene, group, along = plates(**more), moves, lambda p: 0 * p + [0, 0, way]
         of = lambda x: light_of_plate(GAP + x)  # noqa: E731
     else:
         scene, group, along = mi_lcair.load("open_box"), "wall", lambda p: p * [0, 0, 1.0]

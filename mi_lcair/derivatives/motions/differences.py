@@ -19,7 +19,14 @@ from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import vertex_positions
 from mi_lcair.plugins.integrators.bounce_path import AUTO
 from mi_lcair.plugins.paths import launch
-from mi_lcair.rendering.facets import in_view, meshes_of_model, mixed_choice, radiances, seen_shares
+from mi_lcair.rendering.facets import (
+    background_meshes,
+    in_view,
+    meshes_of_model,
+    mixed_choice,
+    radiances,
+    seen_shares,
+)
 from mi_lcair.rendering.loading.parsing import extent
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import aim_over_model, blurred, measure
@@ -203,8 +210,9 @@ def velocities_of(scene, name: str) -> np.ndarray:
 
 
 def velocities_before(scene, sensor, name: str) -> np.ndarray | None:
-    """Velocities of the vertices, (V, 3), with which a sensor sees the same as in its own motion.
+    """Velocities of all vertices, (V, 3), with which a sensor sees the same as in its own motion.
 
+    Those of the model's meshes, and then of the others.
     None if there are none: the sun moves, or the image over the film of a perspective sensor.
     """
     pose = ScenePose.of(scene)
@@ -213,7 +221,8 @@ def velocities_before(scene, sensor, name: str) -> np.ndarray | None:
     step, value = STEP_OF_SENSOR, value_of(scene, known_motions(scene)[name])
     ends = [pose.settings_of(sensor, {**pose.values, name: value + x}) for x in (step, -step)]
     pose.place_sensors()
-    vertices = np.concatenate([vertex_positions(mesh) for mesh in meshes_of_model(scene)])
+    meshes = meshes_of_model(scene) + background_meshes(scene)
+    vertices = np.concatenate(list(map(vertex_positions, meshes)))
     now, turned = matrix_of(sensor), [np.linalg.inv(end["to_world"]) for end in ends]
     if np.allclose(*turned, rtol=1e-12, atol=0):
         return None

@@ -32,15 +32,15 @@ def mesh(
     kelvin: float = 300.0,
     bsdf=None,
     more=(),
+    facet_type: str = "model",
 ):
     """A mesh with one temperature. bsdf: in place of a diffuse one. more: other properties."""
     values = mi.Properties()
     for key, value in dict(more).items():
         values[key] = value
     values["bsdf"] = mi.load_dict(bsdf or {"type": "diffuse", "reflectance": reflectance})
-    values["emitter"] = mi.load_dict(
-        {"type": "thermal", "band": "total", "temperature": kelvin, "group": name}
-    )
+    emitter = {"type": "thermal", "band": "total", "temperature": kelvin, "group": name}
+    values["emitter"] = mi.load_dict(emitter | {"facet_type": facet_type})
     shape = mi.Mesh(name, len(corners), len(triangles), values)
     buffers = mi.traverse(shape)
     buffers["vertex_positions"] = np.ravel(corners).astype(np.float32)
@@ -317,12 +317,17 @@ RHO, GAP = 0.6, 0.1  # reflectance of the lower one of two parallel plates, and 
 HOT = 1000.0  # temperature of the upper one [K]
 
 
-def plates():
-    """A grey plate, and a hot black one above its side that the sensor does not see into."""
+def plates(**of_type):
+    """A grey plate, and a hot black one above its side that the sensor does not see into.
+
+    of_type: facet types of `floor` and `plate`.
+    """
     triangles = [[0, 1, 2], [0, 2, 3]]
     corners = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0], [0, 0.5, 0]])
-    floor = mesh("floor", corners, triangles, RHO, 3.0)
-    above = mesh("plate", corners[::-1] + [-0.6, 0, GAP], triangles, 0.0, HOT)
+    below, above = (of_type.get(name, "model") for name in ("floor", "plate"))
+    floor = mesh("floor", corners, triangles, RHO, 3.0, facet_type=below)
+    corners = corners[::-1] + [-0.6, 0, GAP]
+    above = mesh("plate", corners, triangles, 0.0, HOT, facet_type=above)
     return scene_of(floor, above, max_bounces=1)
 
 
