@@ -8,10 +8,12 @@ The script writes docs/validation/motions.md from motions.template.md. It takes 
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
+from statistics import median
+from time import process_time
 
 import numpy as np
 from scipy.optimize import brentq
@@ -21,10 +23,12 @@ from tqdm import tqdm
 
 import mi_lcair
 from docs.studies.page import label, write_page
+from mi_lcair.derivatives.attached import AttachedPaths
 from mi_lcair.derivatives.common_numbers import CommonNumbers
 from mi_lcair.derivatives.motions.differences import ATTACHED, ON_FILM, Difference, starts_in
 from mi_lcair.derivatives.shape import MovedMesh, standard_errors
 from mi_lcair.derivatives.window import differences_of, mean_and_deviations
+from mi_lcair.plugins.emission.triangles import Choice
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import measure
 from mi_lcair.rendering.motions.motion import turned
@@ -56,7 +60,7 @@ from tests.derivatives.test_shape import bodies, derivatives
 
 PAGE = Path(__file__).parents[1] / "validation" / "motions.md"
 FEW, MANY = 2**12, 2**16  # paths of each of the two renders
-SEEDS = {FEW: 100, MANY: 40}
+SEEDS = {FEW: 100, MANY: 40}  # number of seeds by number of paths
 H = 1e-4  # step of the differences of closed forms
 MOTIONS = Path(__file__).parents[2] / "scenes" / "examples" / "motions.toml"
 SCENES = [
@@ -84,17 +88,13 @@ FRAMES = 30  # measured images that are registered
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, a motion, and the intensity as a function of its value [W/sr].
-
-    seeds: number of seeds by number of paths.
-    """
+    """A scene, a motion, and the intensity as a function of its value [W/sr]."""
 
     label: str
     scene: Callable
     motion: str
     value: float
     intensity: Callable[[float], float]
-    seeds: dict[int, int] = field(default_factory=lambda: SEEDS)
 
     @property
     def exact(self) -> float:
@@ -147,7 +147,6 @@ def cases(folder: Path) -> list[Case]:
             "wall.opening",
             0.0,
             lambda x: light_of_cavity(CAVITY[1] + OPENED * x),
-            {FEW: 6, MANY: 6},
         ),
     ]
 
@@ -198,9 +197,9 @@ def of_cylinder() -> list[Case]:
     ]
 
 
-def sphere(opening: float):
+def sphere(opening: float, rings: int = 48, sides: int = 96):
     """Corners and triangles, seen from inside, of a sphere whose opening faces +x."""
-    radius, rings, sides = CAVITY[0], 48, 96
+    radius = CAVITY[0]
     theta = np.linspace(np.pi, np.arcsin(opening / radius), rings + 1)
     phi = np.arange(sides) * 2 * np.pi / sides
     circles = np.stack(np.broadcast_arrays(np.cos(theta)[:, None], *_across(theta, phi)), axis=-1)
@@ -227,11 +226,13 @@ def cavity(folder: Path):
 
 
 def light_of_cavity(opening: float) -> float:
-    """Intensity of an isothermal sphere along its axis [W/sr]; its radiosity is uniform."""
-    radius, _, emissivity = CAVITY
-    share = (1 - np.sqrt(1 - (opening / radius) ** 2)) / 2
-    uniform = emissivity / (1 - (1 - emissivity) * (1 - share))
-    return uniform * L * (HOT / 300) ** 4 * np.pi * opening**2
+    """Intensity of the isothermal sphere along its axis [W/sr]; its radiosity is uniform."""
+    corners, triangles = sphere(opening)
+    a, b, c = np.moveaxis(corners[triangles], 1, 0)
+    facets, emissivity = np.cross(b - a, c - a) / 2, CAVITY[2]
+    hole, inside = np.linalg.norm(facets.sum(axis=0)), np.linalg.norm(facets, axis=1).sum()
+    uniform = emissivity / (1 - (1 - emissivity) * (1 - hole / inside))
+    return uniform * L * (HOT / 300) ** 4 * hole
 
 
 def derivative(scene, case: Case, paths: int, seed: int) -> Difference:
@@ -250,7 +251,7 @@ def half_width(difference: Difference) -> float:
 def row(case: Case) -> str:
     """Row of a closed form: errors with MANY paths, and how many intervals hold."""
     scene, hold = case.scene(), []
-    for paths, seeds in case.seeds.items():
+    for paths, seeds in SEEDS.items():
         results = [derivative(scene, case, paths, seed) for seed in tqdm(range(seeds), case.label)]
         off = np.array([result.derivative - case.exact for result in results])
         inside = int(np.sum(np.abs(off) <= [half_width(result) for result in results]))
@@ -311,6 +312,25 @@ def shapes(folder: Path) -> dict[str, object]:
         "shape_truth": SHAPE_TRUTH,
         "shape_seeds": 2 * SHAPE_SEEDS,
         "shape_held": f"{held} of {count}",
+    }
+
+
+def fine_edges() -> dict[str, object]:
+    """Processor time and memory of the edges of a fine mesh."""
+    corners, triangles = sphere(CAVITY[1], 224, 224)
+    scene = scene_of(mesh("wall", corners, triangles, 0.5), max_bounces=2)
+    surface, times = MovedMesh(scene, "wall"), []
+    with scene.prepared() as tracer:
+        for _ in range(3):
+            start = process_time()
+            paths = AttachedPaths(surface, scene.sensor(0), tracer, Choice(np.ones(len(triangles))))
+            paths.meets_itself()
+            times.append(process_time() - start)
+    edges = vars(paths.edges).values()
+    return {
+        "triangles": len(triangles),
+        "edge_time": f"{median(times):.1f}",
+        "edge_bytes": round(sum(of.nbytes for of in edges) / len(paths.length)),
     }
 
 
@@ -461,6 +481,7 @@ def main(page: Path) -> None:
         draws=DRAWS,
         frames=FRAMES,
         **of_shapes,
+        **fine_edges(),
         **pitch(),
         **registered,
         **kinks(),

@@ -21,6 +21,9 @@ class ModelEdges:
         vertices, triangles, same = surface.vertices, surface.triangles, surface.welded
         sides = np.concatenate([np.roll(triangles, k, axis=1) for k in range(3)])
         ends = np.sort(same[sides[:, :2]], axis=1)
+        proper = (np.diff(np.sort(same[triangles], axis=1), axis=1) > 0).all(axis=1)
+        some = np.flatnonzero(np.tile(proper, 3))
+        sides, ends = sides[some], ends[some]
         _, first, edge, count = np.unique(
             ends, axis=0, return_index=True, return_inverse=True, return_counts=True
         )
@@ -30,7 +33,7 @@ class ModelEdges:
         opposite = np.full((len(unique), count.max()), -1)
         opposite[edge[order], place] = sides[order, 2]
         beside = np.full(opposite.shape, -1)
-        beside[edge[order], place] = order % len(triangles)
+        beside[edge[order], place] = some[order] % len(triangles)
         a, b = vertices[unique].swapaxes(0, 1)
         self.length = np.linalg.norm(b - a, axis=1)
         third = vertices[opposite] - a[:, None]
@@ -47,6 +50,6 @@ class ModelEdges:
         alike = (of_kind[beside] == of_kind[beside[:, :1]])[:, 1:] | (beside[:, 1:] < 0)
         flat = FLAT * np.ptp(vertices[: surface.of_model], axis=0).max()
         flat = flat + SINGLE * np.abs(vertices[unique]).max(axis=(1, 2))
-        keep = ~((height < flat) & beyond & alike.all(axis=1)) & (self.length > 0)
+        keep = ~((height < flat) & beyond & alike.all(axis=1))
         self.ends, self.opposite, self.beside = unique[keep], opposite[keep], beside[keep]
         self.length = self.length[keep]

@@ -4,6 +4,8 @@ A convex blackbody of the band `total` emits L = sigma T^4 / pi, so that its int
 its projected area. A scene whose temperatures stay has the intensity s^2 I when it is scaled by s.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -11,7 +13,9 @@ from scipy.spatial import ConvexHull
 
 import mi_lcair
 from mi_lcair.cli import main
+from mi_lcair.coincident import weld
 from mi_lcair.derivatives.attached import AttachedPaths
+from mi_lcair.derivatives.edges import ModelEdges
 from mi_lcair.derivatives.shape import Estimation, MovedMesh
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.motions.motion import turned
@@ -330,3 +334,19 @@ def test_command(tmp_path):
     assert result.exit_code == 0, result.output
     assert "moved outward by 1 mm" in result.output
     assert output.read_text().startswith("facet,area_m2,derivative_W_sr_m3,standard_error_W_sr_m3")
+
+
+def test_triangles_without_area_have_no_edges():
+    """A tip of a cone may be many vertices at one place, with triangles between them."""
+    angle = np.arange(8) * np.pi / 4
+    rim, k = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1), np.arange(8)
+    vertices = np.concatenate([rim, np.tile([[0.0, 0, 1]], (8, 1))])
+    sides, next_one = np.stack([k, (k + 1) % 8, k + 8], axis=1), (k + 1) % 8 + 8
+    tip = np.stack([(k + 1) % 8, next_one, k + 8], axis=1)
+    for triangles in (sides, np.append(tip, sides, axis=0)):
+        surface = SimpleNamespace(vertices=vertices, triangles=triangles)
+        surface.welded, surface.of_model = weld(vertices), len(vertices)
+        of = ModelEdges(surface)
+        assert of.opposite.shape == (16, 2)
+        bare = (of.opposite < 0).any(axis=1)
+        assert np.allclose(vertices[of.ends[bare]][..., 2], 0) and bare.sum() == 8
