@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from mi_lcair.coincident import SINGLE, unit_normals
 from mi_lcair.derivatives.edges import FLAT, ModelEdges
+from mi_lcair.plugins.derivatives import flatten, own_memory
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, DrawTable, is_mesh
 from mi_lcair.plugins.emission.spherical_polygons import LARGE
 from mi_lcair.plugins.emission.triangles import (
@@ -119,7 +120,7 @@ class AttachedPaths:
     """
 
     def __init__(self, surface, sensor, tracer, starts: Choice | None, kinds=None):
-        self.surface, self.sensor, self.tracer = surface, sensor, tracer
+        self.surface, self.sensor, self.tracer, self.starts = surface, sensor, tracer, starts
         self.scene, self.walk, self.emitters = tracer.scene, tracer.paths, tracer.emitters
         self.rays, self.number = ParallelRays.of(sensor), numbers_of_triangles(surface.meshes)
         vertices = surface.vertices
@@ -153,6 +154,7 @@ class AttachedPaths:
         self.drawing, known = copy(self.emitters), (self.emitters.bounds, self.emitters.brightest)
         meshes = list(filter(is_mesh, self.emitters.emitters))
         table = DrawTable(meshes, *known, PREFERENCE)
+        own_memory(flatten(table))  # so that one kernel serves every copy
         self.drawing.tables = [table] if table.panel_count else []
         if table.panel_count:
             panels, faces = table.panel_choice.panels, [m.face_count() for m in surface.meshes]
@@ -456,14 +458,8 @@ class AttachedPaths:
             # One reflection of each path looks for silhouettes, an early one more often
             share = 0.5 ** min(bounce + 1, most - 1)
             here = (number < 2 * share if bounce + 1 < most else True) & (number >= share)
-            visit = Visit(
-                place,
-                toward,
-                bsdf,
-                dr.detach(throughput) / share,
-                mi.UInt32(most - 1 - bounce),
-                active,
-            )
+            value, rest = dr.detach(throughput) / share, mi.UInt32(most - 1 - bounce)
+            visit = Visit(place, toward, bsdf, value, rest, active)
             at_edge = visit if at_edge is None else dr.select(here, visit, at_edge)
             active &= bs.pdf > 0
             ray = self.emitters.spawn_ray(si, si.to_world(bs.wo))
@@ -480,7 +476,8 @@ class AttachedPaths:
             share = dr.select(hits, mis_weight(bs.pdf, density), 1)
             place, toward = there, -to
             L += throughput * share * place.emission(self.scene, toward, active)
-            dr.eval(L, throughput, place, toward, si, pi, ray, active, at_edge)
+            if self.starts is not None:  # so that the kernels of reverse mode are smaller
+                dr.eval(L, throughput, place, toward, si, pi, ray, active, at_edge)
         self.radiance = dr.detach(L)
         if at_edge is not None and self.by_length is not None:
             L += self.beside_edges(at_edge, sampler)
@@ -516,8 +513,10 @@ class AttachedPaths:
         """0, with the derivative of what a whole panel brings, less that at the drawn point.
 
         Its mean is 0. Where nothing hides the panel, and directions do not matter to what it emits
-        and the place reflects, it takes the noise of the point away.
+        and the place reflects, it takes the noise of the point away. In pixels that is little.
         """
+        if self.starts is None:
+            return mi.Float(0)
         panel, ds, panels = direction.index, direction.ds, table.panel_choice.panels
         first, x = dr.gather(mi.UInt32, self.of_panels, panel), place.p
         pairs = dr.gather(mi.UInt32, panels.kinds, panel) > 0
@@ -566,9 +565,7 @@ class AttachedPaths:
             si, hits = there.si, there.triangle > 0
             distance = dr.norm(si.p - receiver.p)
             emitter = si.emitter(self.scene, hits)
-            density = self.drawing.pdf(self.scene, receiver, distance, si, emitter, hits)
-            dr.eval(density)
-            return density
+            return self.drawing.pdf(self.scene, receiver, distance, si, emitter, hits)
 
     def beside_edges(self, visit: "Visit", sampler) -> mi.Float:
         """What silhouettes hide or uncover of what a place reflects; 0, with derivatives."""

@@ -23,7 +23,7 @@ from mi_lcair.errors import InputError
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.emission.emissivity import is_textured
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
-from mi_lcair.plugins.paths.launch import Launch
+from mi_lcair.plugins.paths.launch import Launch, Paths
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.recorders.recorder import Recorders
 from mi_lcair.rendering.facets import meshes_of_model, radiances
@@ -35,7 +35,8 @@ from mi_lcair.rendering.statistics import check_valid
 from mi_lcair.rendering.window import Windows
 
 ALONG_FRAME = "edges and attached paths"
-FEWER = 8  # samples per pixel of all, for each of the pilot that chooses it or differences
+# Samples per pixel of all, for each of the pilot that chooses it or differences; the most samples
+FEWER, MOST_OF_PILOT = 8, 2**16
 # Distance of a ray from an edge [pixels]; in roundings of a coordinate, the least one
 ASIDE, ROUNDINGS = 1e-4, 8
 CLEAR = 4  # distance of a ray from the ends of an edge, in its distance from the edge
@@ -87,13 +88,15 @@ class Film:
             return (rates[..., :2] - seen[..., :2] * rates[..., 2:]) / seen[..., 2:]
         return rates[..., :2]
 
-    def rays(self, position: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n, 3) [m] at positions (n, 2) and depths (n,), and change with the depth."""
-        x, y, along = self.axes.T
-        aside = position[:, :1] * x + position[:, 1:] * y
+    def rays(self, x, y, depth) -> tuple:
+        """Points at positions and depths, and their change with the depth; mi.Vector3d [m]."""
+        vectors = [mi.Vector3d(row) for row in (*self.axes.T, self.origin)]
+        dr.make_opaque(*vectors)  # so that one kernel serves all sensors
+        right, down, along, origin = vectors
+        aside = x * right + y * down
         if self.is_central:
-            return self.origin + (aside + along) * depth[:, None], aside + along
-        return self.origin + aside + along * depth[:, None], np.broadcast_to(along, aside.shape)
+            return origin + (aside + along) * depth, aside + along
+        return origin + aside + along * depth, along
 
 
 def within(values: np.ndarray, rates: np.ndarray, low, high) -> tuple[np.ndarray, np.ndarray]:
@@ -161,28 +164,21 @@ class MovingEdges:
         speeds = np.einsum("kntx,nx->ktn", film.speeds(seen, moves), across(side))
         line, *span, pixel = parts_in_pixels(seen[:, 0, :2], side, film.size)
         parts = edge[line], seen.transpose(1, 2, 0)[..., line], speeds[..., line], np.array(span)
-        moving = np.abs(speeds[..., line]).max(axis=(0, 1)) > 0
-        return MovingEdges(*parts, pixel).some(moving)
+        return MovingEdges(*parts, pixel)
 
     def some(self, which) -> "MovingEdges":
         return MovingEdges(*(of[..., which] for of in vars(self).values()))
 
-    def strata(self, points: int) -> "MovingEdges":
-        """Equal parts of the parts, as many as `points` for each pixel of length."""
-        side = np.linalg.norm((self.ends[1] - self.ends[0])[:2], axis=0)
-        count = np.ceil(points * np.diff(self.span, axis=0)[0] * side).astype(int)
-        number = np.repeat(np.arange(len(count)), count)
-        k = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
-        low, high = self.span[:, number]
-        ends = low + np.array([k, k + 1]) * (high - low) / count[number]
-        return replace(self.some(number), span=ends)
+    def places(self, points: int) -> np.ndarray:
+        """Numbers of places on the parts by the areas that they sweep, (n,).
 
-    @property
-    def swept(self) -> np.ndarray:
-        """Areas over which the parts move, (K, n) [pixels^2 per unit]; exact."""
-        middle = self.span.mean(axis=0)
-        speed = (1 - middle) * self.speeds[:, 0] + middle * self.speeds[:, 1]
-        return np.diff(self.span, axis=0) * speed
+        points: mean number for each pixel of their length.
+        """
+        length = np.linalg.norm((self.ends[1] - self.ends[0])[:2], axis=0)
+        width = np.diff(self.span, axis=0)[0]
+        swept = width * np.abs(self.speeds).mean(axis=1)
+        share = swept / np.maximum(swept.sum(axis=1, keepdims=True), 1e-300)
+        return np.ceil(points * (length @ width) * share.mean(axis=0)).astype(int)
 
 
 def is_black(bsdf) -> bool:
@@ -207,7 +203,8 @@ class Frame:
     """A frame of a scene, and its derivatives along motions. Use it while the scene is prepared.
 
     surface: MovedMesh. windows: the pixels. paths: the AttachedPaths. varies: whether what a mesh
-    shows may differ from place to place of a triangle, of all vertices, (V,).
+    shows may differ from place to place of a triangle, of all vertices, (V,). reflects: whether a
+    triangle reflects, (T,).
     """
 
     def __init__(self, surface: MovedMesh, windows: Windows, tracer):
@@ -220,7 +217,7 @@ class Frame:
         self.extent = np.linalg.norm(np.ptp(surface.vertices, axis=0))
         black = [is_black(mesh.bsdf()) for mesh in meshes]
         self.is_black = all(black)
-        self.reflecting = surface.triangles[~np.array(black)[of_mesh]]
+        self.reflects = ~np.array(black)[of_mesh]
         varies = [
             is_textured(mesh.bsdf()) or (of is not None and not is_even(of))
             for mesh, of in ((mesh, mesh.emitter()) for mesh in meshes)
@@ -263,61 +260,98 @@ class Frame:
         """
         vertices, R = self.surface.vertices, self.windows.randomisations
         edges = MovingEdges.of(self.film, vertices, self.paths.edges.ends, velocities)
-        edges = edges.some(self.may_step[edges.edge])
-        strata = edges.strata(ALONG_EDGES * points)
+        moving = np.abs(edges.speeds).max(axis=(0, 1)) > 0
+        edges = edges.some(moving & self.may_step[edges.edge])
+        count = edges.places(ALONG_EDGES * points)
+        n, before = len(count), np.cumsum(count) - count
+        part = np.repeat(np.arange(n), count)
+        width = np.diff(edges.span, axis=0)[0] / np.maximum(count, 1)
+        table, sums = self.table(edges, before, width), np.zeros((2, R, n))
+        for first in range(0, len(part), MOST_RAYS // R):
+            of = part[first : first + MOST_RAYS // R]
+            gained = self.step_across(table, of, seed, first)
+            middle = edges.span[0][of] + width[of] * (first + np.arange(len(of)) - before[of] + 0.5)
+            for r in range(R):
+                sums[0, r] += np.bincount(of, (1 - middle) * gained[r], n)
+                sums[1, r] += np.bincount(of, middle * gained[r], n)
+        gained = np.einsum("erp,kep,p->rkp", sums, edges.speeds, width)
         total = np.zeros((R, len(velocities), self.windows.count))
-        for first in range(0, len(strata.edge), MOST_RAYS // R):
-            some = strata.some(slice(first, first + MOST_RAYS // R))
-            gained = self.step_across(some, seed, first)[:, None] * some.swept
-            for r, k in np.ndindex(total.shape[:2]):
-                total[r, k] += np.bincount(some.pixel, gained[r, k], self.windows.count)
+        for r, k in np.ndindex(total.shape[:2]):
+            total[r, k] = np.bincount(edges.pixel, gained[r, k], self.windows.count)
         return total
 
-    def step_across(self, edges: MovingEdges, seed: int, first: int) -> np.ndarray:
-        """Radiance before edges minus that behind them, at one place of each part, (R, n).
+    def table(self, edges: MovingEdges, before: np.ndarray, width: np.ndarray) -> tuple:
+        """What `step_across` needs of each part of edges: ten numbers, and the edge.
 
-        0 where something hides them. first: number of the first one.
+        The ends of the edge, with the reciprocal of a central sensor's depth; distance of rays from
+        it, where the part begins, number of its first place, and distance of its places, these but
+        the number in parts of the edge.
         """
-        film, R, n = self.film, self.windows.randomisations, len(edges.edge)
-        low, high = edges.span
-        s = (low + (high - low) * np.random.default_rng([seed, first]).random((R, n))).ravel()
-        (a, b), edge = np.tile(edges.ends, R).transpose(0, 2, 1), np.tile(edges.edge, R)
-        points = self.surface.vertices[self.paths.edges.ends[edge]]
+        film, (a, b) = self.film, edges.ends
+        points = self.surface.vertices[self.paths.edges.ends[edges.edge]]
         rounding = ROUNDINGS * SINGLE * np.abs(points).max(axis=(1, 2))
         pitch = np.linalg.norm(film.axes[:, 0])  # [m]
-        pitch = pitch * np.minimum(a[:, 2], b[:, 2]) if film.is_central else pitch
-        side = (b - a)[:, :2]
-        aside = np.maximum(ASIDE, rounding / pitch) / np.linalg.norm(side, axis=1)
-        # Close to its ends, a ray beside an edge may meet the next triangle
-        s = np.clip(s, np.minimum(CLEAR * aside, 0.5), np.maximum(1 - CLEAR * aside, 0.5))
-        power = -1 if film.is_central else 1
-        depth = ((1 - s) * a[:, 2] ** power + s * b[:, 2] ** power) ** power
-        place, aside = a[:, :2] + s[:, None] * side, aside[:, None] * across(side)
-        launch = Launch(1, 1, seed ^ EDGES, R, n, first)
-        (before, is_own), (behind, is_other) = (
-            self.radiance(place + move, depth, edge, launch) for move in (-aside, aside)
-        )
-        return np.where(is_own | is_other, before - behind, 0).reshape(R, n)
+        pitch = pitch * np.minimum(a[2], b[2]) if film.is_central else pitch
+        aside = np.maximum(ASIDE, rounding / pitch) / np.linalg.norm((b - a)[:2], axis=0)
+        power = -1.0 if film.is_central else 1.0
+        rows = *a[:2], a[2] ** power, *b[:2], b[2] ** power, aside, edges.span[0], before, width
+        return mi.Float64(np.stack(rows, axis=1).ravel()), mi.UInt32(edges.edge)
 
-    def radiance(self, place, depth, edge, launch: Launch) -> tuple[np.ndarray, np.ndarray]:
-        """Radiance at places of the film (n, 2), and whether a triangle at an edge is seen, (n,).
+    def step_across(self, table, part: np.ndarray, seed: int, first: int) -> np.ndarray:
+        """Radiance before edges minus that behind them, at one place of each stratum, (R, n).
 
-        depth: of the edge, (n,) [m].
+        0 where something hides them. part: the part of each (n,). first: number of the first one.
         """
-        paths, film = self.paths, self.film
-        near = np.maximum(depth - self.extent, film.depths[0])
-        start, to = film.rays(place, near)
-        length = np.linalg.norm(to, axis=1)
-        farthest = mi.Float((film.depths[1] - near) * length)
-        direction = mi.Vector3f(*(to / length[:, None]).T)
-        ray = mi.Ray3f(mi.Point3f(*start.T), direction, farthest, 0, [])
+        R, n = self.windows.randomisations, len(part)
+        launch = Launch(1, 1, seed ^ EDGES, R, n, first)
+        lanes = launch.paths_from(self.windows.sensor.sampler())
+        number = lanes.lane % lanes.points
+        part = dr.gather(mi.UInt32, mi.UInt32(part), number)
+        rows, edge = table
+        *a, from_eye, b_x, b_y, to_eye, aside, low, before, width = (
+            dr.gather(mi.Float64, rows, 10 * part + k) for k in range(10)
+        )
+        _, _, _, position, *_ = lanes.begin()
+        s = low + width * (mi.Float64(lanes.first_point + number) - before + position.x)
+        # Close to its ends, a ray beside an edge may meet the next triangle
+        clear = dr.minimum(CLEAR * aside, 0.5)
+        s = dr.clip(s, clear, 1 - clear)
+        depth = dr.lerp(from_eye, to_eye, s)
+        depth = 1 / depth if self.film.is_central else depth
+        side = mi.Vector2d(b_x, b_y) - mi.Point2d(*a)
+        place = a + s * side
+        move = aside * mi.Vector2d(-side.y, side.x)
+        edge = dr.gather(mi.UInt32, edge, part)
+        (before, is_own), (behind, is_other) = (
+            self.radiance(place + move, depth, edge, lanes) for move in (-move, move)
+        )
+        gained = dr.select(is_own | is_other, before - behind, 0).numpy()
+        check_valid(int(np.sum(~np.isfinite(gained))), R * n, self.surface.scene.name)
+        return np.broadcast_to(gained, R * n).reshape(R, n)
+
+    def radiance(self, place, depth, edge, lanes: Paths) -> tuple[mi.Float, mi.Bool]:
+        """Radiance at places of the film, and whether a triangle at an edge is seen.
+
+        depth: of the edge [m].
+        """
+        paths, beside = self.paths, self.paths.edges.beside
+        least, most, extent = (
+            dr.opaque(mi.Float64, value) for value in (*self.film.depths, self.extent)
+        )
+        near = dr.maximum(depth - extent, least)
+        start, to = self.film.rays(place.x, place.y, near)
+        length = dr.norm(to)
+        farthest = mi.Float((most - near) * length)
+        ray = mi.Ray3f(mi.Point3f(start), mi.Vector3f(to / length), farthest, 0, [])
         pi = nearest_hit(paths.scene, paths.emitters.sheets, ray)
-        sampler, *_ = launch.paths_from(self.windows.sensor.sampler()).begin()
+        sampler, *_ = lanes.begin()
         (L, _), _, _ = paths.walk.walk(sampler, (ray, pi), mi.Bool(True), Recorders([]))
-        L = np.broadcast_to(L[0].numpy(), depth.shape)
-        check_valid(int(np.sum(~np.isfinite(L))), len(L), self.surface.scene.name)
-        met = paths.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int)
-        return L, (paths.edges.beside[edge] == np.where(met > 0, met - 1, -2)[:, None]).any(axis=1)
+        met = paths.number.at(pi.shape, pi.prim_index, pi.is_valid())
+        numbers, is_beside = mi.UInt32(np.ravel(beside + 1).astype(np.uint32)), mi.Bool(False)
+        for k in range(beside.shape[1]):
+            of = dr.gather(mi.UInt32, numbers, beside.shape[1] * edge + k)
+            is_beside |= (met > 0) & (met == of)
+        return L[0], is_beside
 
     # -------------------------------------------------------------- Between the edges
 
@@ -337,21 +371,22 @@ class Frame:
 
     @cached_property
     def shown(self) -> np.ndarray:
-        """Numbers of the pixels in the boxes around triangles that reflect; no others change."""
-        corners, size = self.film.seen(self.surface.vertices[self.reflecting]), self.film.size
-        is_before = (corners[..., 2] >= self.film.depths[0]).all(axis=1)[:, None]
-        ends = np.floor(np.where(is_before[..., None], corners[..., :2], 0))
-        first = np.clip(np.where(is_before, ends.min(axis=1), 0), 0, size).astype(int)
-        last = np.clip(np.where(is_before, ends.max(axis=1) + 1, size), 0, size).astype(int)
-        boxes = np.zeros(size[::-1] + 1, int)
-        for x, y, sign in (
-            (first, first, 1),
-            (last, first, -1),
-            (first, last, -1),
-            (last, last, 1),
-        ):
-            np.add.at(boxes, (y[:, 1], x[:, 0]), sign)
-        return np.flatnonzero(boxes.cumsum(axis=0).cumsum(axis=1)[:-1, :-1])
+        """Numbers of the pixels in which triangles may reflect; no others change.
+
+        An edge passes through these, or their centres show such a triangle.
+        """
+        film, vertices = self.film, self.surface.vertices
+        size, depth = film.size, film.seen(vertices)[:, 2][self.surface.triangles]
+        ranges = np.digitize(depth, film.depths)
+        if np.ptp(ranges, axis=1).any():  # a triangle is clipped where it has no edge
+            return np.arange(size.prod())
+        still = np.zeros((1, *vertices.shape))
+        edges = MovingEdges.of(film, vertices, self.paths.edges.ends, still)
+        centres = (np.indices(size[::-1]).reshape(2, -1)[::-1] + 0.5) / size[:, None]
+        ray, _ = self.windows.sensor.sample_ray(0, 0, mi.Point2f(centres), mi.Point2f(0.5))
+        pi, number = self.paths.scene.ray_intersect_preliminary(ray), self.paths.number
+        met = number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int)
+        return np.union1d(np.flatnonzero(np.append(False, self.reflects)[met]), edges.pixel)
 
     def along(self, velocities: np.ndarray, launch: Launch) -> np.ndarray:
         """Sums of the derivatives along the paths of some pixels, (R, K, windows)."""
@@ -360,9 +395,7 @@ class Frame:
         paths.positions = mi.Float(np.ravel(self.surface.vertices))
         dr.enable_grad(paths.positions)
         lanes = launch.paths_from(sensor.sampler())
-        _, column, row, position, *_ = lanes.begin()
-        # A few points of a lattice are less uniform in many dimensions than independent ones
-        sampler, *_ = replace(lanes, vector=None).begin()
+        sampler, column, row, position, *_ = lanes.begin()
         place = (mi.Point2f(column, row) + position) / mi.Point2f(self.film.size.tolist())
         ray, _ = sensor.sample_ray(0, 0, place, mi.Point2f(0.5))
         pi = nearest_hit(paths.scene, paths.emitters.sheets, ray)
@@ -399,7 +432,8 @@ def along_frame(
     if windows.sensor.class_name() not in KINDS or meshes_of_model(scene) is None:
         return {}
     rates = {name: seen_velocities(scene, windows, name) for name in names}
-    seed, few = sampling.seed, replace(sampling, spp=-(-sampling.spp // FEWER), progress=None)
+    spp = max(min(sampling.spp // FEWER, MOST_OF_PILOT // windows.count), 1)
+    seed, few = sampling.seed, replace(sampling, spp=spp, progress=None)
     with scene.prepared() as tracer:
         frame = Frame.of(scene, windows, tracer)
         if frame is None:
