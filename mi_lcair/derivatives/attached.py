@@ -40,6 +40,7 @@ MOST_PATHS = 2**19  # paths of one pass, times their reflections, whose derivati
 # Distance at which surfaces touch, in parts of the extent; cosine of a ray that runs along one; and
 # where along an edge this is tried
 INSET, GRAZING, PLACES = 1e-5, 1e-3, (0.23, 0.51, 0.79)
+ONWARD = 0.25  # share of the paths from the film that go on from a drawn point
 EDGES = 0x27D4EB2F  # changes the seed of paths that begin beside silhouettes
 
 
@@ -156,6 +157,8 @@ class AttachedPaths:
         table = DrawTable(meshes, *known, PREFERENCE)
         own_memory(flatten(table))  # so that one kernel serves every copy
         self.drawing.tables = [table] if table.panel_count else []
+        # Few reflected ones graze triangles, and the derivatives there are large
+        self.onward = ONWARD if starts is None and self.drawing.tables else 0.0
         if table.panel_count:
             panels, faces = table.panel_choice.panels, [m.face_count() for m in surface.meshes]
             of_mesh = dict(zip(surface.meshes, np.cumsum([0, *faces])))
@@ -453,7 +456,8 @@ class AttachedPaths:
             active &= si.is_valid()
             bsdf = si.bsdf(ray)
             bs, _ = bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), active)
-            drawn = self.drawn(place, toward, bsdf, sampler.next_2d(), sampler.next_2d(), active)
+            choice, point, onward = sampler.next_2d(), sampler.next_2d(), sampler.next_1d()
+            drawn, other = self.drawn(place, toward, bsdf, choice, point, active)
             L += throughput * drawn
             # One reflection of each path looks for silhouettes, an early one more often
             share = 0.5 ** min(bounce + 1, most - 1)
@@ -471,11 +475,15 @@ class AttachedPaths:
             density = self.density_of(there, place)
             of_area = there.facing(place)
             change = dr.select(hits, of_area / dr.detach(of_area), 1)
-            f = place.reflection(bsdf, toward, to, active)
-            throughput = dr.select(active, throughput * f * change / bs.pdf, 0)
-            share = dr.select(hits, mis_weight(bs.pdf, density), 1)
-            place, toward = there, -to
-            L += throughput * share * place.emission(self.scene, toward, active)
+            f = place.reflection(bsdf, toward, to, active) * change
+            share = dr.select(hits, mis_weight(bs.pdf, density), 1) / bs.pdf
+            emitted = f * share * there.emission(self.scene, -to, active)
+            L += dr.select(active, throughput * emitted, 0)
+            turn = self.turn(there, to, f, bs.pdf, density, active)
+            if other is not None:
+                turn = dr.select(onward < self.onward, other, turn)
+            (place, toward, value, active), si = turn, turn[0].si
+            throughput = dr.select(active, throughput * value, 0)
             if self.starts is not None:  # so that the kernels of reverse mode are smaller
                 dr.eval(L, throughput, place, toward, si, pi, ray, active, at_edge)
         self.radiance = dr.detach(L)
@@ -483,14 +491,14 @@ class AttachedPaths:
             L += self.beside_edges(at_edge, sampler)
         return L
 
-    def drawn(self, place, toward, bsdf, choice, point, active) -> mi.Float:
+    def drawn(self, place, toward, bsdf, choice, point, active) -> tuple:
         """What a direction drawn toward an emitting panel brings, with its derivatives.
 
         The point that it meets keeps its place on its triangle. It shares its radiance with the
-        reflected rays that meet it.
+        reflected rays that meet it. Also the `turn` of a path that goes on from there.
         """
         if not self.drawing.tables:
-            return mi.Float(0)
+            return mi.Float(0), None
         with dr.suspend_grad():
             (table,) = self.drawing.tables
             direction = self.drawing.draw(table, place.si, choice, point, active)
@@ -503,11 +511,20 @@ class AttachedPaths:
         active = direct.counts
         there = self.attach(direct.hit, direct.met, active)
         to, of_area = dr.normalize(there.p - place.p), there.facing(place)
-        share = mis_weight(direction.compared, place.density(bsdf, toward, to, active))
-        f = place.reflection(bsdf, toward, to, active)
-        emitted = f * there.emission(self.scene, -to, active)
-        weight = share / direction.ds.pdf * of_area / dr.detach(of_area)
-        return dr.select(active, emitted * weight, 0) + even
+        density = place.density(bsdf, toward, to, active)
+        share = mis_weight(direction.compared, density) / direction.ds.pdf
+        f = place.reflection(bsdf, toward, to, active) * of_area / dr.detach(of_area)
+        emitted = f * share * there.emission(self.scene, -to, active)
+        turn = self.turn(there, to, f, density, direction.compared, active)
+        return dr.select(active, emitted, 0) + even, turn
+
+    def turn(self, there, to, reflection, reflected, compared, active) -> tuple:
+        """How a path goes on: place, direction back, reflection by its density, whether it does.
+
+        reflected, compared: densities of reflected and of drawn directions [1/sr].
+        """
+        density = dr.lerp(reflected, compared / PREFERENCE, self.onward)
+        return there, mi.Vector3f(-to), dr.select(active, reflection / density, 0), active
 
     def evenly(self, table, place, toward, bsdf, direction, active) -> mi.Float:
         """0, with the derivative of what a whole panel brings, less that at the drawn point.

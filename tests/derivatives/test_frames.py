@@ -10,10 +10,10 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import mi_lcair
-from mi_lcair.derivatives.frames import ALONG_FRAME, parts_in_pixels
+from mi_lcair.derivatives.frames import ALONG_FRAME, Frame, parts_in_pixels
 from mi_lcair.derivatives.motions.differences import ON_FILM
 from mi_lcair.plugins.emission.triangles import triangle_vertices, vertex_positions
-from mi_lcair.rendering.window import window_area
+from mi_lcair.rendering.window import Windows, window_area
 from tests.derivatives.motions import test_differences as closed
 from tests.derivatives.motions.test_differences import CUBE, L, convex_hull, mesh
 
@@ -152,6 +152,15 @@ def test_turned_cube(is_split):
     )
     for of, moved in zip(found, MOTIONS.values()):
         assert close(of, expected(TURNED, moved))
+
+
+def test_paths_begin_where_a_body_is():
+    """In the pixels of which it covers a part, and in no others."""
+    faces = triangle_vertices(convex_hull("cube", TURNED))
+    scene = scene_of(mesh("cube", TURNED, faces, 0.5), max_bounces=1)
+    with scene.prepared() as tracer:
+        frame = Frame.of(scene, Windows.of_image(scene.sensor(0), 4), tracer)
+        assert frame.shown.tolist() == np.flatnonzero(covered(on_film(TURNED)) > 0).tolist()
 
 
 def test_mirrored_mesh(tmp_path):
