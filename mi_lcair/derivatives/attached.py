@@ -461,7 +461,7 @@ class AttachedPaths:
             L += throughput * drawn
             # One reflection of each path looks for silhouettes, an early one more often
             share = 0.5 ** min(bounce + 1, most - 1)
-            here = (number < 2 * share if bounce + 1 < most else True) & (number >= share)
+            here = (number >= share) & (number < 2 * share) if bounce + 1 < most else number < share
             value, rest = dr.detach(throughput) / share, mi.UInt32(most - 1 - bounce)
             visit = Visit(place, toward, bsdf, value, rest, active)
             at_edge = visit if at_edge is None else dr.select(here, visit, at_edge)

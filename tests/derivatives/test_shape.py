@@ -222,6 +222,26 @@ def test_light_of_a_box_that_comes_out_of_a_wall():
     assert abs(sum_ - exact) < 3.5 * error < 0.25 * exact
 
 
+@pytest.mark.parametrize("shares", [[1 / 2, 1 / 2], [1 / 2, 1 / 4, 1 / 8, 1 / 8]])
+def test_silhouettes_at_each_reflection(monkeypatch, shares):
+    """A path looks for them at one of its reflections, with a weight for those left out."""
+    scene, most, found = bodies(1, 0.5), len(shares), []
+    scene.mi.integrator().max_bounces = most
+    at_edges = AttachedPaths.beside_edges
+
+    def visited(paths, visit, sampler):
+        left, weight = (
+            np.broadcast_to(of.numpy(), 2**12) for of in (visit.bounces, visit.throughput)
+        )
+        found.extend((left == most - 1 - k).mean() for k in range(most))
+        found.append(weight[left == most - 1].mean())
+        return at_edges(paths, visit, sampler)
+
+    monkeypatch.setattr(AttachedPaths, "beside_edges", visited)
+    derivatives(scene, "body", paths=2**13)
+    assert found == pytest.approx([*shares, 1 / shares[0]], abs=0.02)
+
+
 def test_equal_to_attached_differences():
     """A cold square before a hot one, which it hides and lights, moves across the view."""
     cold = panel("cold", [0.3, 0.2, 0], 250.0, 0.5)
