@@ -16,16 +16,29 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mi_lcair.coincident import SINGLE, unit_normals
-from mi_lcair.derivatives.edges import FLAT, ModelEdges
+from mi_lcair.derivatives.places import (
+    FLAT,
+    TURN,
+    AttachedPlace,
+    ModelEdges,
+    cosines_above,
+    derivative_of,
+)
+from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import flatten, own_memory
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, DrawTable, is_mesh
+from mi_lcair.plugins.emission.sources import at_pointer
 from mi_lcair.plugins.emission.spherical_polygons import LARGE
 from mi_lcair.plugins.emission.triangles import (
     Choice,
     is_faceted,
     numbers_of_triangles,
+    pointer_id,
+    table_size,
     triangle_vertices,
+    vertex_positions,
 )
+from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
 from mi_lcair.plugins.paths.launch import FacetStarts, Launch, ParallelRays
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.paths.walk import mis_weight
@@ -34,7 +47,8 @@ from mi_lcair.rendering.facets import meshes_of_model
 from mi_lcair.rendering.statistics import check_valid, edge_share
 from mi_lcair.rendering.window import RANDOMISATIONS, window, window_size
 
-TURN = 1e-3  # change of a direction from which the slope of a reflection or an emission is taken
+NARROW = 30.0  # largest density of a lobe's directions from which on it is narrow [1/sr]
+MIRRORS = 3  # mirrors that a ray in a mirror direction follows
 BESIDE = 2e-5  # distance of a ray from a silhouette, in parts of the model's extent
 MOST_PATHS = 2**19  # paths of one pass, times their reflections, whose derivatives are kept
 # Distance at which surfaces touch, in parts of the extent; cosine of a ray that runs along one; and
@@ -56,6 +70,12 @@ def can_attach(scene, tracer) -> bool:
     unfit += [shape.is_mesh() and shape.has_vertex_normals() for shape in shapes]
     unfit += [not is_faceted(shape) for shape in shapes]
     return bool(plain and not any(unfit) and meshes_of_model(scene) is not None)
+
+
+def is_narrow(bsdf) -> bool:
+    """Whether a BSDF is one of a reflection model that reflects into a narrow lobe."""
+    along = mi.Vector3f(0, 0, 1)
+    return is_reflection_bsdf(bsdf) and bsdf.density(along, along)[0] > NARROW
 
 
 @dataclass(frozen=True)
@@ -123,6 +143,11 @@ class AttachedPaths:
     def __init__(self, surface, sensor, tracer, starts: Choice | None, kinds=None):
         self.surface, self.sensor, self.tracer, self.starts = surface, sensor, tracer, starts
         self.scene, self.walk, self.emitters = tracer.scene, tracer.paths, tracer.emitters
+        narrow = filter(is_narrow, {mesh.bsdf() for mesh in surface.meshes})
+        ids = [pointer_id(mi.BSDFPtr(bsdf)) for bsdf in narrow]
+        # 1 for narrow lobes, by the pointer
+        numbers = np.isin(np.arange(table_size(ids)), ids).astype(np.uint32)
+        self.narrow = mi.UInt32(numbers) if ids else None
         self.rays, self.number = ParallelRays.of(sensor), numbers_of_triangles(surface.meshes)
         vertices = surface.vertices
         firsts = np.append(0, surface.ends)
@@ -153,12 +178,19 @@ class AttachedPaths:
         self.by_length = self.choice(seen) if len(seen) else None
         # Of meshes, the radiance of the sky stays where it is
         self.drawing, known = copy(self.emitters), (self.emitters.bounds, self.emitters.brightest)
-        meshes = list(filter(is_mesh, self.emitters.emitters))
+        low, high = of_model.min(axis=0), of_model.max(axis=0)
+        meshes = []
+        for of in filter(is_mesh, self.emitters.emitters):
+            place = vertex_positions(of.get_shape())
+            around = (place.min(axis=0) < high) & (place.max(axis=0) > low)
+            if facet_type_of(of) == "model" or not around.all():
+                meshes.append(of)
         table = DrawTable(meshes, *known, PREFERENCE)
         own_memory(flatten(table))  # so that one kernel serves every copy
         self.drawing.tables = [table] if table.panel_count else []
         # Few reflected ones graze triangles, and the derivatives there are large
-        self.onward = ONWARD if starts is None and self.drawing.tables else 0.0
+        goes_on = starts is None and self.drawing.tables and self.narrow is None
+        self.onward = ONWARD if goes_on else 0.0
         if table.panel_count:
             panels, faces = table.panel_choice.panels, [m.face_count() for m in surface.meshes]
             of_mesh = dict(zip(surface.meshes, np.cumsum([0, *faces])))
@@ -329,7 +361,7 @@ class AttachedPaths:
         corners = (dr.gather(mi.UInt32, self.corners, 3 * number + k) for k in range(3))
         return tuple(map(self.vertex, corners))
 
-    def attach(self, si, pi, active) -> "AttachedPlace":
+    def attach(self, si, pi, active) -> AttachedPlace:
         """Where rays have hit triangles: point and frame with derivatives; others stay."""
         triangle = self.number.at(pi.shape, pi.prim_index, active & pi.is_valid())
         known = triangle > 0
@@ -456,16 +488,17 @@ class AttachedPaths:
             active &= si.is_valid()
             bsdf = si.bsdf(ray)
             bs, _ = bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), active)
+            mirrored = self.mirrored(si, bsdf, most - bounce, active)
             choice, point, onward = sampler.next_2d(), sampler.next_2d(), sampler.next_1d()
-            drawn, other = self.drawn(place, toward, bsdf, choice, point, active)
+            drawn, of_drawn, other = self.drawn(place, toward, bsdf, choice, point, active)
             L += throughput * drawn
             # One reflection of each path looks for silhouettes, an early one more often
             share = 0.5 ** min(bounce + 1, most - 1)
             here = (number >= share) & (number < 2 * share) if bounce + 1 < most else number < share
             value, rest = dr.detach(throughput) / share, mi.UInt32(most - 1 - bounce)
-            visit = Visit(place, toward, bsdf, value, rest, active)
+            visit = Visit(place, toward, bsdf, value, mirrored, rest, active)
             at_edge = visit if at_edge is None else dr.select(here, visit, at_edge)
-            active &= bs.pdf > 0
+            reflects, active = active, active & (bs.pdf > 0)
             ray = self.emitters.spawn_ray(si, si.to_world(bs.wo))
             pi = nearest_hit(self.scene, self.emitters.sheets, ray, active=active)
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
@@ -479,6 +512,10 @@ class AttachedPaths:
             share = dr.select(hits, mis_weight(bs.pdf, density), 1) / bs.pdf
             emitted = f * share * there.emission(self.scene, -to, active)
             L += dr.select(active, throughput * emitted, 0)
+            if self.narrow is not None:
+                weight = of_drawn + dr.select(active, f * share, 0)
+                change = place.reflectance(bsdf, toward, reflects) - derivative_of(weight)
+                L += dr.detach(throughput) * mirrored * change
             turn = self.turn(there, to, f, bs.pdf, density, active)
             if other is not None:
                 turn = dr.select(onward < self.onward, other, turn)
@@ -491,14 +528,34 @@ class AttachedPaths:
             L += self.beside_edges(at_edge, sampler)
         return L
 
+    def mirrored(self, si, bsdf, bounces: int, active) -> mi.Float:
+        """Radiance that reaches places if everything reflects as a mirror; 0 for broad lobes.
+
+        It takes noise away: a lobe's reflection of the same radiance from all sides has the
+        derivative of the reflectance. bounces: reflections that may follow, with this one.
+        """
+        L, weight = mi.Float(0), mi.Float(1)
+        if self.narrow is None:
+            return L
+        with dr.suspend_grad():
+            active = active & (at_pointer(self.narrow, bsdf) > 0)
+            for _ in range(min(bounces, MIRRORS)):
+                ray = self.emitters.spawn_ray(si, si.to_world(mi.reflect(si.wi)))
+                pi = nearest_hit(self.scene, self.emitters.sheets, ray, active=active)
+                si = pi.compute_surface_interaction(ray, active=active)
+                L += dr.select(active, weight * si.emitter(self.scene).eval(si, active)[0], 0)
+                active &= si.is_valid()
+                weight *= si.bsdf(ray).eval_diffuse_reflectance(si, active)[0]
+        return L
+
     def drawn(self, place, toward, bsdf, choice, point, active) -> tuple:
         """What a direction drawn toward an emitting panel brings, with its derivatives.
 
         The point that it meets keeps its place on its triangle. It shares its radiance with the
-        reflected rays that meet it. Also the `turn` of a path that goes on from there.
+        reflected rays that meet it. Also its weight, and the `turn` of a path that goes on there.
         """
         if not self.drawing.tables:
-            return mi.Float(0), None
+            return mi.Float(0), mi.Float(0), None
         with dr.suspend_grad():
             (table,) = self.drawing.tables
             direction = self.drawing.draw(table, place.si, choice, point, active)
@@ -514,9 +571,9 @@ class AttachedPaths:
         density = place.density(bsdf, toward, to, active)
         share = mis_weight(direction.compared, density) / direction.ds.pdf
         f = place.reflection(bsdf, toward, to, active) * of_area / dr.detach(of_area)
-        emitted = f * share * there.emission(self.scene, -to, active)
+        weight = dr.select(active, f * share, 0)
         turn = self.turn(there, to, f, density, direction.compared, active)
-        return dr.select(active, emitted, 0) + even, turn
+        return weight * there.emission(self.scene, -to, active) + even, weight, turn
 
     def turn(self, there, to, reflection, reflected, compared, active) -> tuple:
         """How a path goes on: place, direction back, reflection by its density, whether it does.
@@ -566,14 +623,15 @@ class AttachedPaths:
             active &= seen.solid_angle > LARGE
             to = dr.normalize((a + b + c) / 3 - x)
             to = dr.select(dr.dot(to, n) > GRAZING, to, n)
-            f = place.detached(bsdf, toward, to, active) / dr.dot(to, n)
+            # As large as that of a white surface, for narrow lobes
+            f = dr.minimum(place.detached(bsdf, toward, to, active) / dr.dot(to, n), dr.inv_pi)
             of_all = dr.select(active, f * direction.bound / probability, 0)
             of_point = dr.select(active, f * direction.bound / ds.pdf, 0)
             dr.eval(of_all, of_point)
         change = of_all * (whole - dr.detach(whole)) - of_point * (point - dr.detach(point))
         return dr.select(active, change, 0)
 
-    def density_of(self, there: "AttachedPlace", place: "AttachedPlace") -> mi.Float:
+    def density_of(self, there: AttachedPlace, place: AttachedPlace) -> mi.Float:
         """Density that `drawn` compares for the direction to a place; a constant [1/sr]."""
         if not self.drawing.tables:
             return mi.Float(0)
@@ -606,7 +664,7 @@ class AttachedPaths:
             si = pi.compute_surface_interaction(ray, mi.RayFlags.All, active)
             L = self.incoming(ray, pi, sampler, visit.bounces, active)
             of_length = dr.norm(dr.cross(side, to)) / dr.norm(side) / distance
-            value = visit.throughput * f * L * of_length / edge.density
+            value = visit.throughput * f * (L - visit.mirrored) * of_length / edge.density
             beyond = dr.norm(si.p - x0)
         y = self.attach(si, pi, active).p
         moves = dr.dot(z - x, n) / distance
@@ -661,108 +719,14 @@ class AttachedPaths:
 class Visit:
     """Where a path looks for silhouettes: the place, and what reaches the sensor from there.
 
-    toward: direction to the place before. bounces: reflections that may follow.
+    toward: direction to the place before. mirrored: see `AttachedPaths.mirrored`. bounces:
+    reflections that may follow.
     """
 
-    place: "AttachedPlace"
+    place: AttachedPlace
     toward: mi.Vector3f
     bsdf: mi.BSDFPtr
     throughput: mi.Float
+    mirrored: mi.Float
     bounces: mi.UInt32
     active: mi.Bool
-
-
-@dataclass
-class AttachedPlace:
-    """A point of a surface and its frame, with derivatives, and the interaction without them.
-
-    twice_area: of its triangle [m^2]; 1 for other surfaces. triangle: from 1, or 0.
-    """
-
-    si: mi.SurfaceInteraction3f
-    p: mi.Point3f
-    s: mi.Vector3f
-    t: mi.Vector3f
-    n: mi.Vector3f
-    twice_area: mi.Float
-    triangle: mi.UInt32
-
-    def facing(self, place: "AttachedPlace") -> mi.Float:
-        """Twice the area of its triangle as another place sees it, by their squared distance."""
-        between = self.p - place.p
-        cosine = dr.abs(dr.dot(self.n, dr.normalize(between)))
-        return cosine * self.twice_area / dr.squared_norm(between)
-
-    def density(self, bsdf, toward, to, active) -> mi.Float:
-        """Density with which a reflection takes a direction, without derivatives [1/sr]."""
-        wi, wo = dr.detach(self.local(toward)), dr.detach(self.local(to))
-        return bsdf.pdf(mi.BSDFContext(), self.at(wi), wo, active)
-
-    def local(self, direction) -> mi.Vector3f:
-        return mi.Vector3f(*(dr.dot(direction, axis) for axis in (self.s, self.t, self.n)))
-
-    def at(self, wi) -> mi.SurfaceInteraction3f:
-        si = mi.SurfaceInteraction3f(self.si)
-        si.wi = wi
-        return si
-
-    def detached(self, bsdf, toward, to, active) -> mi.Float:
-        """Reflection toward a direction times cosine, without derivatives."""
-        wi, wo = self.local(dr.detach(toward)), self.local(to)
-        return bsdf.eval(mi.BSDFContext(), self.at(dr.detach(wi)), dr.detach(wo), active)[0]
-
-    def reflection(self, bsdf, toward, to, active) -> mi.Float:
-        """Reflection times cosine, with its derivatives by both directions."""
-        ctx, wi, wo = mi.BSDFContext(), self.local(toward), self.local(to)
-        wi0, wo0 = dr.detach(wi), dr.detach(wo)
-        value = lambda i, o: bsdf.eval(ctx, self.at(i), o, active)[0]  # noqa: E731
-        f = value(wi0, wo0)
-        return f + slope(lambda i: value(i, wo0), wi) + slope(lambda o: value(wi0, o), wo)
-
-    def emission(self, scene, toward, active) -> mi.Float:
-        """Emission toward a direction, with its derivatives."""
-        emitter, wi = self.si.emitter(scene, active), self.local(toward)
-        value = lambda w: emitter.eval(self.at(w), active)[0]  # noqa: E731
-        here = dr.select(self.si.is_valid(), slope(value, wi), 0)
-        return value(dr.select(self.si.is_valid(), dr.detach(wi), self.si.wi)) + here
-
-
-def cosines_above(n, corners: list) -> mi.Float:
-    """Integral of the cosine to a normal over a triangle's directions above the horizon [sr]."""
-
-    def between(p, q):  # Lambert's formula
-        p, q = (v * dr.rsqrt(dr.maximum(dr.squared_norm(v), 1e-30)) for v in (p, q))
-        normal = dr.cross(p, q)
-        sine = dr.sqrt(dr.maximum(dr.squared_norm(normal), 1e-12))
-        return dr.dot(n, normal) * dr.atan2(sine, dr.dot(p, q)) / sine
-
-    total, sets, rises = mi.Float(0), mi.Vector3f(0, 0, 1), mi.Vector3f(0, 0, 1)
-    cut = mi.Bool(False)
-    for p, q in zip(corners, corners[1:] + corners[:1]):
-        from_p, from_q = dr.dot(n, p), dr.dot(n, q)
-        crosses = (from_p > 0) != (from_q > 0)
-        place = p + from_p / dr.select(crosses, from_p - from_q, 1) * (q - p)
-        total += dr.select(
-            (from_p > 0) | (from_q > 0),
-            between(dr.select(from_p > 0, p, place), dr.select(from_q > 0, q, place)),
-            0,
-        )
-        sets = dr.select(crosses & (from_p > 0), place, sets)
-        rises = dr.select(crosses & (from_q > 0), place, rises)
-        cut |= crosses
-    return dr.abs(total + dr.select(cut, between(sets, rises), 0)) / 2
-
-
-def slope(function, direction) -> mi.Float:
-    """0, with the derivatives of a function of a direction."""
-    here = dr.detach(direction)
-    change = mi.Float(0)
-    with dr.suspend_grad():
-        slopes = []
-        for axis in mi.coordinate_system(here):
-            ends = [function(dr.normalize(here + side * TURN * axis)) for side in (1, -1)]
-            slopes.append((axis, (ends[0] - ends[1]) / (2 * TURN)))
-    for axis, of_axis in slopes:
-        moves = dr.dot(axis, direction)
-        change += of_axis * (moves - dr.detach(moves))
-    return change

@@ -313,6 +313,8 @@ class Estimation:
             few = Estimation(
                 surface, self.along, replace(sampling, paths=FEW, spp=None, progress=None)
             )
+            few.choice = Choice(is_edge_on)
+            few.q = few.choice.probability
             few.from_displacements()
             self.sums[:, is_edge_on] = few.sums[:, is_edge_on]
             self.counts[:, is_edge_on] = few.counts[:, is_edge_on]

@@ -4,8 +4,10 @@ A convex blackbody of the band `total` emits L = sigma T^4 / pi, so that its int
 its projected area. A scene whose temperatures stay has the intensity s^2 I when it is scaled by s.
 """
 
+from itertools import product
 from types import SimpleNamespace
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -15,7 +17,7 @@ import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.coincident import weld
 from mi_lcair.derivatives.attached import AttachedPaths
-from mi_lcair.derivatives.edges import ModelEdges
+from mi_lcair.derivatives.places import ModelEdges
 from mi_lcair.derivatives.shape import Estimation, MovedMesh
 from mi_lcair.errors import InputError
 from mi_lcair.rendering.motions.motion import turned
@@ -240,6 +242,46 @@ def test_silhouettes_at_each_reflection(monkeypatch, shares):
     monkeypatch.setattr(AttachedPaths, "beside_edges", visited)
     derivatives(scene, "body", paths=2**13)
     assert found == pytest.approx([*shares, 1 / shares[0]], abs=0.02)
+
+
+LOBE = {"type": "sandford_robertson", "epsilon": 0.1, "rho_d": 0.02, "b": 0.05, "e": 0.02}
+
+
+@pytest.mark.parametrize("moves", ["floor", "hot"])
+def test_mirror_image_of_a_panel(moves):
+    """A narrow lobe shows the edge of a hot panel. The floor is tilted, or the panel is shifted."""
+    view, triangles = np.array([1.0, 0, 1]) / np.sqrt(2), [[0, 1, 2], [0, 2, 3]]
+    square = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    below = mesh("floor", 0.1 * square, triangles, kelvin=3.0, bsdf=LOBE)
+    above = [0.15, 0.3, 1] * square[::-1] + [-0.88, 0, 1.0]
+    scene = scene_of(below, mesh("hot", above, triangles), view=view, max_bounces=1)
+    along = {"floor": lambda p: p[:, :1] * [0, 0, 1], "hot": lambda p: 0 * p + [1.0, 0, 0]}[moves]
+    _, result = derivatives(scene, moves, along, 2**14)
+
+    def light(x):
+        nodes, weights = np.polynomial.legendre.leggauss(48)
+        grid = np.stack(np.meshgrid(nodes, nodes, 0.0, indexing="ij"), axis=-1).reshape(-1, 3)
+        tilt, shift = (x, 0) if moves == "floor" else (0, x)
+        axes = np.array([[1, 0, tilt], [0, 1, 0], [-tilt, 0, 1]]) / np.hypot(
+            1, [[tilt], [0], [tilt]]
+        )
+        total, bsdf = 0, mi.load_dict(LOBE)
+        panel = grid * [0.15, 0.3, 1] + [-0.88 + shift, 0, 1]
+        few, of_few = np.polynomial.legendre.leggauss(6)
+        for (u, v), w in zip(product(0.1 * few, repeat=2), np.outer(of_few, of_few).ravel()):
+            to = panel - [u, v, u * tilt]
+            far = np.linalg.norm(to, axis=1)
+            si = mi.SurfaceInteraction3f()
+            si.wi = mi.Vector3f(axes @ view)
+            wo = (to / far[:, None]) @ axes.T
+            f = bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(wo.T))[0].numpy().astype(float)
+            of_panel = f * to[:, 2] / far**3 * np.outer(weights, weights).ravel() * 0.15 * 0.3
+            total += w * 0.01 * np.hypot(1, tilt) * (axes @ view)[2] * of_panel.sum()
+        return L * total
+
+    exact = (light(2e-3) - light(-2e-3)) / 4e-3
+    sum_, error = result.total
+    assert abs(sum_ - exact) < 3.5 * error < 0.15 * abs(exact)
 
 
 def test_equal_to_attached_differences():
