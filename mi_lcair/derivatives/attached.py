@@ -506,9 +506,8 @@ class AttachedPaths:
             hits = active & si.is_valid()
             to = dr.select(hits, dr.normalize(there.p - place.p), ray.d)
             density = self.density_of(there, place)
-            of_area = there.facing(place)
-            change = dr.select(hits, of_area / dr.detach(of_area), 1)
-            f = place.reflection(bsdf, toward, to, active) * change
+            f = place.reflection(bsdf, toward, to, active)
+            f *= dr.select(hits, there.growth(place), 1)
             share = dr.select(hits, mis_weight(bs.pdf, density), 1) / bs.pdf
             emitted = f * share * there.emission(self.scene, -to, active)
             L += dr.select(active, throughput * emitted, 0)
@@ -567,10 +566,10 @@ class AttachedPaths:
         even = self.evenly(table, place, toward, bsdf, direction, active)
         active = direct.counts
         there = self.attach(direct.hit, direct.met, active)
-        to, of_area = dr.normalize(there.p - place.p), there.facing(place)
+        to = dr.normalize(there.p - place.p)
         density = place.density(bsdf, toward, to, active)
         share = mis_weight(direction.compared, density) / direction.ds.pdf
-        f = place.reflection(bsdf, toward, to, active) * of_area / dr.detach(of_area)
+        f = place.reflection(bsdf, toward, to, active) * there.growth(place)
         weight = dr.select(active, f * share, 0)
         turn = self.turn(there, to, f, density, direction.compared, active)
         return weight * there.emission(self.scene, -to, active) + even, weight, turn

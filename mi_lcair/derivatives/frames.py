@@ -95,7 +95,7 @@ class Film:
         right, down, along, origin = vectors
         aside = x * right + y * down
         if self.is_central:
-            return origin + (aside + along) * depth, aside + along
+            aside, along = 0, aside + along
         return origin + aside + along * depth, along
 
 
@@ -280,12 +280,12 @@ class Frame:
             total[r, k] = np.bincount(edges.pixel, gained[r, k], self.windows.count)
         return total
 
-    def table(self, edges: MovingEdges, before: np.ndarray, width: np.ndarray) -> tuple:
-        """What `step_across` needs of each part of edges: ten numbers, and the edge.
+    def table(self, edges: MovingEdges, before: np.ndarray, width: np.ndarray):
+        """What `step_across` needs of each part of edges: eleven numbers.
 
         The ends of the edge, with the reciprocal of a central sensor's depth; distance of rays from
         it, where the part begins, number of its first place, and distance of its places, these but
-        the number in parts of the edge.
+        the number in parts of the edge; number of the edge.
         """
         film, (a, b) = self.film, edges.ends
         points = self.surface.vertices[self.paths.edges.ends[edges.edge]]
@@ -294,8 +294,9 @@ class Frame:
         pitch = pitch * np.minimum(a[2], b[2]) if film.is_central else pitch
         aside = np.maximum(ASIDE, rounding / pitch) / np.linalg.norm((b - a)[:2], axis=0)
         power = -1.0 if film.is_central else 1.0
-        rows = *a[:2], a[2] ** power, *b[:2], b[2] ** power, aside, edges.span[0], before, width
-        return mi.Float64(np.stack(rows, axis=1).ravel()), mi.UInt32(edges.edge)
+        of_ends = *a[:2], a[2] ** power, *b[:2], b[2] ** power
+        rows = *of_ends, aside, edges.span[0], before, width, edges.edge
+        return mi.Float64(np.stack(rows, axis=1).ravel())
 
     def step_across(self, table, part: np.ndarray, seed: int, first: int) -> np.ndarray:
         """Radiance before edges minus that behind them, at one place of each stratum, (R, n).
@@ -303,13 +304,11 @@ class Frame:
         0 where something hides them. part: the part of each (n,). first: number of the first one.
         """
         R, n = self.windows.randomisations, len(part)
-        launch = Launch(1, 1, seed ^ EDGES, R, n, first)
-        lanes = launch.paths_from(self.windows.sensor.sampler())
+        lanes = Launch(1, 1, seed ^ EDGES, R, n, first).paths_from(self.windows.sensor.sampler())
         number = lanes.lane % lanes.points
         part = dr.gather(mi.UInt32, mi.UInt32(part), number)
-        rows, edge = table
-        *a, from_eye, b_x, b_y, to_eye, aside, low, before, width = (
-            dr.gather(mi.Float64, rows, 10 * part + k) for k in range(10)
+        *a, from_eye, b_x, b_y, to_eye, aside, low, before, width, edge = (
+            dr.gather(mi.Float64, table, 11 * part + k) for k in range(11)
         )
         _, _, _, position, *_ = lanes.begin()
         s = low + width * (mi.Float64(lanes.first_point + number) - before + position.x)
@@ -321,9 +320,8 @@ class Frame:
         side = mi.Vector2d(b_x, b_y) - mi.Point2d(*a)
         place = a + s * side
         move = aside * mi.Vector2d(-side.y, side.x)
-        edge = dr.gather(mi.UInt32, edge, part)
         (before, is_own), (behind, is_other) = (
-            self.radiance(place + move, depth, edge, lanes) for move in (-move, move)
+            self.radiance(place + move, depth, mi.UInt32(edge), lanes) for move in (-move, move)
         )
         gained = dr.select(is_own | is_other, before - behind, 0).numpy()
         check_valid(int(np.sum(~np.isfinite(gained))), R * n, self.surface.scene.name)
@@ -335,13 +333,12 @@ class Frame:
         depth: of the edge [m].
         """
         paths, beside = self.paths, self.paths.edges.beside
-        least, most, extent = (
-            dr.opaque(mi.Float64, value) for value in (*self.film.depths, self.extent)
-        )
-        near = dr.maximum(depth - extent, least)
+        limits = mi.Vector3d(np.append(self.film.depths, self.extent))
+        dr.make_opaque(limits)
+        near = dr.maximum(depth - limits.z, limits.x)
         start, to = self.film.rays(place.x, place.y, near)
         length = dr.norm(to)
-        farthest = mi.Float((most - near) * length)
+        farthest = mi.Float((limits.y - near) * length)
         ray = mi.Ray3f(mi.Point3f(start), mi.Vector3f(to / length), farthest, 0, [])
         pi = nearest_hit(paths.scene, paths.emitters.sheets, ray)
         sampler, *_ = lanes.begin()
@@ -376,9 +373,8 @@ class Frame:
         An edge passes through these, or their centres show such a triangle.
         """
         film, vertices = self.film, self.surface.vertices
-        size, depth = film.size, film.seen(vertices)[:, 2][self.surface.triangles]
-        ranges = np.digitize(depth, film.depths)
-        if np.ptp(ranges, axis=1).any():  # a triangle is clipped where it has no edge
+        size, ranges = film.size, np.digitize(film.seen(vertices)[:, 2], film.depths)
+        if np.ptp(ranges[self.surface.triangles], axis=1).any():  # clipped where there is no edge
             return np.arange(size.prod())
         still = np.zeros((1, *vertices.shape))
         edges = MovingEdges.of(film, vertices, self.paths.edges.ends, still)

@@ -75,11 +75,12 @@ class AttachedPlace:
     twice_area: mi.Float
     triangle: mi.UInt32
 
-    def facing(self, place: "AttachedPlace") -> mi.Float:
-        """Twice the area of its triangle as another place sees it, by their squared distance."""
+    def growth(self, place: "AttachedPlace") -> mi.Float:
+        """1, with the derivatives of the solid angle in which another place sees its triangle."""
         between = self.p - place.p
         cosine = dr.abs(dr.dot(self.n, dr.normalize(between)))
-        return cosine * self.twice_area / dr.squared_norm(between)
+        solid_angle = cosine * self.twice_area / dr.squared_norm(between)
+        return solid_angle / dr.detach(solid_angle)
 
     def density(self, bsdf, toward, to, active) -> mi.Float:
         """Density with which a reflection takes a direction, without derivatives [1/sr]."""
