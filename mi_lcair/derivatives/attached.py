@@ -571,6 +571,8 @@ class AttachedPaths:
         share = mis_weight(direction.compared, density) / direction.ds.pdf
         f = place.reflection(bsdf, toward, to, active) * there.growth(place)
         weight = dr.select(active, f * share, 0)
+        # The density that is compared is only nearly that of the draw
+        f *= direction.compared / (PREFERENCE * direction.ds.pdf)
         turn = self.turn(there, to, f, density, direction.compared, active)
         return weight * there.emission(self.scene, -to, active) + even, weight, turn
 

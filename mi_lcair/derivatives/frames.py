@@ -444,7 +444,8 @@ def along_frame(
         pilot = frame.moving_edges(velocities, seed, points) + interior
     changes = interior.any(axis=(0, 2))
     is_better = [
-        not changes[k] or noise(pilot[:, k]) < noise(difference(name, few))
+        # Differences without noise have met nothing that changes
+        not changes[k] or not 0 < noise(difference(name, few)) <= noise(pilot[:, k])
         for k, name in enumerate(names)
     ]
     if not any(is_better):

@@ -218,6 +218,34 @@ def test_plates_light_each_other(of_floor):
     assert error < 0.3 * means.mean()
 
 
+def test_light_comes_back_from_a_plate():
+    """A hot floor lights a plate, and this the floor: radiosity at Gauss points of both."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    x, y = (of.ravel() for of in np.meshgrid((nodes + 1) / 4, (nodes + 1) / 4))
+    area = np.outer(weights, weights).ravel() / 16
+
+    def light(gap: float) -> float:
+        squares = np.subtract.outer(x, x - 0.6) ** 2 + np.subtract.outer(y, y) ** 2 + gap**2
+        factors = gap**2 / (np.pi * squares**2)
+        seen = (
+            L * (1000 / 300) ** 4 * 0.5 * 0.5 * 0.9 * (area @ factors @ (area * (factors.T @ area)))
+        )
+        return np.sin(np.radians(20)) * seen
+
+    corners = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0], [0, 0.5, 0]])
+    faces = [[0, 1, 2], [0, 2, 3]]
+    floor = mesh("floor", corners, faces, 0.5, 1000.0)
+    plate = mesh("plate", corners[::-1] + [-0.6, 0, closed.GAP], faces, 0.9, 3.0)
+    scene, h = closed.scene_of(floor, plate, max_bounces=2), 1e-4
+    found = mi_lcair.derivative_images(scene, ["plate.z_m"], spp=2**15)
+    means = found.derivatives.mean(axis=(1, 2, 3)) * window_area(scene.sensor(0), "plates")
+    exact = (light(closed.GAP + h) - light(closed.GAP - h)) / (2 * h)
+    error = means.std(ddof=1) / np.sqrt(len(means))
+    assert found.method == (ALONG_FRAME,)
+    assert means.mean() == pytest.approx(exact, abs=5 * error)
+    assert error < 0.1 * exact
+
+
 def strip(begin: float):
     """A strip at the camera's right, from some distance behind its eye or before it [m]."""
     x, z = [begin - 4, 20, 20, begin - 4], [-0.3, -0.3, 0.3, 0.3]
