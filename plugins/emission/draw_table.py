@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.emissivity import emits
-from mi_lcair.plugins.emission.panels import Panels, chosen
+from mi_lcair.plugins.emission.panels import Panels, SeenPanel, chosen
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted, pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
@@ -272,21 +272,20 @@ class DrawTable:
             dr.make_opaque(self.density_and_bound, self.probability_of_other)
         dr.make_opaque(self.others)
 
-    def pick(self, number, receiver: Receiver | None, active) -> tuple[mi.UInt32, mi.Float]:
-        """What a random 32-bit integer draws, and the probability of a drawn panel.
+    def pick(self, number, receiver: Receiver, active) -> tuple[mi.UInt32, SeenPanel, mi.Float]:
+        """What a random 32-bit integer draws, and a drawn panel as it is seen and its probability.
 
-        receiver: where it is drawn; None without panels.
+        receiver: where it is drawn.
         """
-        if self.panel_choice is None:
-            return self.choice.pick(number, active), mi.Float(0)
         within = dr.float64_array_t(mi.Float)(number) * 2.0**-32
         from_panels = active & (within < self.share)
-        index, probability = self.panel_choice.draw(within / self.share, receiver, from_panels)
+        of_panels = within / self.share
+        index, seen, probability = self.panel_choice.draw(of_panels, receiver, from_panels)
         if self.others is not None:
             rest = mi.UInt32((within - self.share) / (1 - self.share) * 2.0**32)
             other = self.panel_count + self.choice.pick(rest, active & ~from_panels)
             index = dr.select(from_panels, index, other)
-        return index, self.share * probability
+        return index, seen, self.share * probability
 
     def unmet(self, in_view: float, brightest: float) -> UnmetSources:
         """Bound of the radiance of sources that no path has hit; the others: see `UnmetSources`."""

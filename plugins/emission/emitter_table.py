@@ -285,6 +285,7 @@ class EmitterTable:
             -1
         ].probability_of_other / self.sun.solid_angle
 
+    @dr.syntax
     def draw(self, table: DrawTable, si, sample1, sample2, active):
         """Draw a direction toward an emitter.
 
@@ -306,27 +307,29 @@ class EmitterTable:
         -------
         DrawnDirection
         """
-        ds = dr.zeros(mi.DirectionSample3f)
-        receiver = None if table.panel_choice is None else self.receiver(si)
-        index, probability = table.pick(triangles.random_integer(sample1), receiver, active)
-        other, may_radiate, compared = None, mi.Bool(True), mi.Float(0)
+        ds, number = dr.zeros(mi.DirectionSample3f), triangles.random_integer(sample1)
+        index, compared, other, may_radiate = mi.UInt32(0), mi.Float(0), None, mi.Bool(True)
+        if dr.hint(table.panel_choice is None, mode="scalar"):
+            index = table.choice.pick(number, active)
+        else:
+            receiver = self.receiver(si)
+            if active:  # skips much where no path of a packet draws
+                index, seen, probability = table.pick(number, receiver, active)
+                ds.d, ds.dist, ds.pdf = seen.draw(sample2)
+                ds.p, ds.n = receiver.p + ds.dist * ds.d, mi.Normal3f(seen.n)
+                ds.pdf *= probability
+                compared = probability * seen.along(ds.d, ds.dist)
         from_panels = active & (index < table.panel_count)
         from_others = active & ~from_panels
         density, bound = dr.gather(mi.Vector2f, table.density_and_bound, index, active)
-        if table.panel_choice is not None:
-            seen = table.panel_choice.panels.seen(index, receiver, from_panels)
-            ds.d, ds.dist, ds.pdf = seen.draw(sample2)
-            ds.p, ds.n = receiver.p + ds.dist * ds.d, mi.Normal3f(seen.n)
-            ds.pdf *= probability
-            compared = probability * seen.along(ds.d, ds.dist)
-        if table.others is not None:
+        if dr.hint(table.others is not None, mode="scalar"):
             number = index - table.panel_count
             other = dr.gather(mi.UInt32, table.others, number, from_others)
             other = dr.reinterpret_array(mi.EmitterPtr, other)
             # The start depends on the side of the surface. Reflection stays on the observer's side.
             # Where light may pass through a surface, a first sample from si.p gives the side.
             toward = si.to_world(si.wi)
-            if self.transmits:
+            if dr.hint(self.transmits, mode="scalar"):
                 toward = other.sample_direction(si, sample2, from_others)[0].d
             start = dr.zeros(mi.Interaction3f)
             start.p, start.time = self.offsets.leave(si, toward), si.time
@@ -338,7 +341,7 @@ class EmitterTable:
             ds_other.pdf *= density
             compared = dr.select(from_panels, compared, ds_other.pdf)
             ds = dr.select(from_panels, ds, ds_other)
-        compared *= table.preference
+        compared = compared * table.preference
         return DrawnDirection(ds, compared, index, other, may_radiate, bound)
 
     def trace(
@@ -515,6 +518,7 @@ class EmitterTable:
         normal = mi.Normal3f(dr.mulsign(mi.Vector3f(si.n), dr.dot(si.n, observer)))
         return Receiver(self.offsets.leave(si, observer), normal)
 
+    @dr.syntax
     def pdf(self, scene, receiver: Receiver, distance, si, emitter, active):
         """Density that `draw` compares for the direction of the ray that hit `si` [1/sr].
 
@@ -539,12 +543,12 @@ class EmitterTable:
         """
         table = self.tables[0]
         density, known, choice = mi.Float(0), mi.Bool(False), table.panel_choice
-        if choice is not None:
+        if dr.hint(choice is not None, mode="scalar"):
             panel, known = choice.panels.find(si.shape, si.prim_index, active & si.is_valid())
-            density = table.share * choice.probability(panel, receiver, known)
-            seen = choice.panels.seen(panel, receiver, known)
-            density *= seen.along(si.to_world(-si.wi), distance)
-        if table.others is not None:
+            if known:
+                seen, probability = choice.probability(panel, receiver, known)
+                density = table.share * probability * seen.along(si.to_world(-si.wi), distance)
+        if dr.hint(table.others is not None, mode="scalar"):
             before = dr.zeros(mi.Interaction3f)
             before.p = receiver.p
             ds = mi.DirectionSample3f(scene, si, before)

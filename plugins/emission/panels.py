@@ -256,59 +256,58 @@ class LightTree:
         self.levels, self.count = mi.UInt32(depth), mi.UInt32(len(order))
         dr.make_opaque(*(value for value in vars(self).values() if dr.is_array_v(value)))
 
-    def draw(self, number, receiver: Receiver, active) -> tuple[mi.UInt32, mi.Float]:
-        """The panel that a number in 0..1 (Float64) draws, and its probability."""
+    def draw(self, number, receiver: Receiver, active) -> tuple[mi.UInt32, SeenPanel, mi.Float]:
+        """The panel that a number in 0..1 (Float64) draws, as it is seen, and its probability."""
         anywhere = number < ANYWHERE
         rest = dr.select(anywhere, number / ANYWHERE, (number - ANYWHERE) / (1 - ANYWHERE))
-        end = self.descend(receiver, rest, anywhere, None, active)
+        end, seen = self.descend(receiver, rest, anywhere, None, active)
         leaf = end.node - (1 << self.levels)
         known = active & (leaf < self.count)
-        return dr.gather(mi.UInt32, self.panel_of, leaf, known), self.mixed(end, known)
+        return dr.gather(mi.UInt32, self.panel_of, leaf, known), seen, self.mixed(end, known)
 
-    def probability(self, panel, receiver: Receiver, active) -> mi.Float:
-        """Probability with which `draw` draws a panel."""
+    def probability(self, panel, receiver: Receiver, active) -> tuple[SeenPanel, mi.Float]:
+        """A panel as it is seen, and the probability with which `draw` draws it."""
         number = dr.zeros(dr.float64_array_t(mi.Float), dr.width(panel))
         target = dr.gather(mi.UInt32, self.leaf_of, panel, active) + (1 << self.levels)
-        end = self.descend(receiver, number, mi.Bool(False), target, active)
-        return self.mixed(end, active)
+        end, seen = self.descend(receiver, number, mi.Bool(False), target, active)
+        return seen, self.mixed(end, active)
 
     def mixed(self, end: Descent, active) -> mi.Float:
         share = dr.gather(mi.Float, self.powers, end.node, active)
         return dr.select(active, dr.lerp(end.probability, share, ANYWHERE), 0)
 
     @dr.syntax
-    def descend(self, receiver: Receiver, number, anywhere, target, active) -> Descent:
+    def descend(self, receiver: Receiver, number, anywhere, target, active) -> tuple:
         """Go down to the leaf `target`, or, if it is None, to the one that the number draws.
 
-        anywhere: whether a node is drawn by power alone.
+        anywhere: whether a node is drawn by power alone. Gives the `Descent` and the `SeenPanel`.
         """
-        Float64 = dr.float64_array_t(mi.Float)
-        way = Descent(Float64(number), mi.UInt32(1), mi.Float(1))
+        way = Descent(dr.float64_array_t(mi.Float)(number), mi.UInt32(1), mi.Float(1))
         level = mi.UInt32(self.levels)
-        while dr.hint(active & (level > 0), label="light_tree"):
+        while dr.hint(
+            active & (level > 1), label="light_tree", exclude=[receiver, anywhere, target, active]
+        ):
             level -= 1
-            left = 2 * way.node
-            powers = mi.Vector2f(
-                dr.gather(mi.Float, self.powers, left), dr.gather(mi.Float, self.powers, left + 1)
-            )
-            weights = mi.Vector2f(powers)
-            if level == 0:
-                first = left - (1 << self.levels)
-                weights.x = self.sent_by_panel(first, receiver)
-                weights.y = self.sent_by_panel(first + 1, receiver)
-            else:
-                weights.x = self.sent(left, receiver)
-                weights.y = self.sent(left + 1, receiver)
-            # Where nothing is known to arrive, by power. A power of 0 is never drawn.
-            share = part_of_first(dr.select(weights.x + weights.y > 0, weights, powers))
-            by = Float64(dr.select(anywhere, part_of_first(powers), share))
-            is_first = way.number < by
-            if dr.hint(target is not None, mode="scalar"):
-                is_first = ((target >> level) & 1) == 0
-            way.number = dr.select(is_first, way.number / by, (way.number - by) / (1 - by))
-            way.probability *= dr.select(is_first, share, 1 - share)
-            way.node = dr.select(is_first, left, left + 1)
-        return way
+            sent = self.sent(2 * way.node, receiver), self.sent(2 * way.node + 1, receiver)
+            self.step(way, sent, level, anywhere, target)
+        leaf = 2 * way.node - (1 << self.levels)
+        (first, *sent), (second, *more) = (self.leaf(leaf + k, receiver) for k in range(2))
+        is_first = self.step(way, sent + more, mi.UInt32(0), anywhere, target)
+        return way, dr.select(is_first, first, second)
+
+    def step(self, way: Descent, sent, level, anywhere, target) -> mi.Bool:
+        """Go to a child of a node by what both send, and tell whether it is the first one."""
+        left = 2 * way.node
+        powers = mi.Vector2f(*(dr.gather(mi.Float, self.powers, left + k) for k in range(2)))
+        weights = mi.Vector2f(*sent)
+        # Where nothing is known to arrive, by power. A power of 0 is never drawn.
+        share = part_of_first(dr.select(weights.x + weights.y > 0, weights, powers))
+        by = dr.float64_array_t(mi.Float)(dr.select(anywhere, part_of_first(powers), share))
+        is_first = way.number < by if target is None else ((target >> level) & 1) == 0
+        way.number = dr.select(is_first, way.number / by, (way.number - by) / (1 - by))
+        way.probability *= dr.select(is_first, share, 1 - share)
+        way.node = dr.select(is_first, left, left + 1)
+        return is_first
 
     def sent(self, node, receiver: Receiver) -> mi.Float:
         """Estimate of what a node sends to a receiver, relative to the power of all nodes [m^-2].
@@ -323,14 +322,14 @@ class LightTree:
         leaving = preferred * height(-dr.dot(axis, to), radius) / distance + emission.w
         return leaving * height(dr.dot(receiver.n, to), radius) / (distance * dr.square(distance))
 
-    def sent_by_panel(self, leaf, receiver: Receiver) -> mi.Float:
-        """What a panel sends to a receiver: radiance times projected solid angle [W m^-2]."""
+    def leaf(self, leaf, receiver: Receiver) -> tuple[SeenPanel, mi.Float]:
+        """The panel of a leaf, and its radiance times projected solid angle [W m^-2]."""
         is_leaf = leaf < self.count
         panel = dr.gather(mi.UInt32, self.panel_of, leaf, is_leaf)
         seen = self.panels.seen(panel, receiver, is_leaf)
         radiance, is_two_sided = dr.gather(mi.Vector2f, self.sides, leaf, is_leaf)
         is_front = (seen.distance < 0) | (is_two_sided > 0)
-        return dr.select(is_leaf & is_front, radiance * seen.projected, 0)
+        return seen, dr.select(is_leaf & is_front, radiance * seen.projected, 0)
 
 
 def height(centre, radius) -> mi.Float:
@@ -421,12 +420,13 @@ class ByPower:
         self.probabilities = mi.Float(self.least)
         dr.make_opaque(self.probabilities)
 
-    def draw(self, number, receiver: Receiver, active) -> tuple[mi.UInt32, mi.Float]:
+    def draw(self, number, receiver: Receiver, active) -> tuple[mi.UInt32, SeenPanel, mi.Float]:
         panel = mi.UInt32(self.choice.pick(mi.UInt32(number * 2.0**32), active))
-        return panel, self.probability(panel, receiver, active)
+        return panel, *self.probability(panel, receiver, active)
 
-    def probability(self, panel, receiver: Receiver, active) -> mi.Float:
-        return dr.gather(mi.Float, self.probabilities, panel, active)
+    def probability(self, panel, receiver: Receiver, active) -> tuple[SeenPanel, mi.Float]:
+        seen = self.panels.seen(panel, receiver, active)
+        return seen, dr.gather(mi.Float, self.probabilities, panel, active)
 
 
 def chosen(panels: Panels) -> LightTree | ByPower:
@@ -515,8 +515,7 @@ class Openings:
         smooth = hit.goes_on & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
 
         number = dr.float64_array_t(mi.Float)(random_integer(sampler.next_2d())) * 2.0**-32
-        panel, probability = self.tree.draw(number, receiver, smooth)
-        seen = self.panels.seen(panel, receiver, smooth)
+        panel, seen, probability = self.tree.draw(number, receiver, smooth)
         d, _, density = seen.draw(sampler.next_2d())
         first, distance = self.crossed(receiver.p, d, smooth)
         pdf = bsdf.pdf(ctx, si, si.to_local(d), smooth)
@@ -531,8 +530,8 @@ class Openings:
             d = si.to_world(bs.wo)
             panel, distance = self.crossed(receiver.p, d, leaves)
             leaves &= panel < self.count
-            share = self.tree.probability(panel, receiver, leaves)
-            share *= self.panels.seen(panel, receiver, leaves).along(d, distance)
+            seen, share = self.tree.probability(panel, receiver, leaves)
+            share *= seen.along(d, distance)
             leaves = self.leaves(scene, emitters.spawn_ray(si, d), bs.pdf, share, leaves)
             again = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d(), leaves)
             bs, weight = dr.select(leaves, again[0], bs), dr.select(leaves, again[1], weight)

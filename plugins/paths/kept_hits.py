@@ -1,55 +1,69 @@
-"""Hits that a replay of paths reads, so that it does not trace their rays again."""
+"""Hits and drawn directions that a replay of paths reads, and does not find again."""
 
 import drjit as dr
 import mitsuba as mi
 
+from mi_lcair.plugins.emission.emitter_table import DrawnDirection
 from mi_lcair.plugins.paths.sheets import nearest_hit
 
-MOST_BYTES = 2**28  # of the hits that are kept
-OF_HIT = 32  # bytes of a hit
+MOST_BYTES = 2**28  # of what is kept
+OF_HIT, OF_DRAWN, OF_DENSITY = 32, 32, 4  # bytes of each
 
 
 class KeptHits:
-    """The hits of the first rays of paths, which the pass before a replay writes.
+    """The hits of paths that the pass before a replay writes, and the directions that it draws.
 
     Memory does not grow with the number of reflections: beyond MOST_BYTES a replay traces again.
+    Directions and their densities are kept where there is room for all of them and for all hits.
 
-    kinds: number of rays of a vertex. rays: number of rays of a path. is_read: whether the hits are
-    written already.
+    reflections: number of a path. kinds: number of rays of a vertex. rays: number of rays of a
+    path. first: hits of the first rays; None where they are not kept. keeps_drawn: whether drawn
+    directions are kept. is_read: whether all is written already.
     """
 
     def __init__(self, kinds: int, reflections: int):
-        self.kinds, self.rays, self.is_read = kinds, 1 + kinds * reflections, False
+        self.kinds, self.reflections, self.is_read = kinds, reflections, False
+        self.rays, self.drawn_rays = 1 + kinds * reflections, (kinds - 1) * reflections
 
     def begin(self, paths: int) -> None:
-        """Make room for the hits of a number of paths."""
-        self.slots = min(self.rays, MOST_BYTES // (OF_HIT * paths))
+        """Make room for a number of paths."""
+        most = MOST_BYTES // paths  # bytes of a path
+        self.slots = min(self.rays, most // OF_HIT)
         self.lane, self.paths, self.is_read = dr.arange(mi.UInt32, paths), paths, False
-        size = 4 * max(self.slots * paths, 1)
-        self.numbers, self.places = dr.empty(mi.Float, size), dr.empty(mi.UInt32, size)
+        of_drawn = self.drawn_rays * OF_DRAWN + self.reflections * OF_DENSITY
+        self.keeps_drawn = self.drawn_rays > 0 and self.rays * OF_HIT + of_drawn <= most
+        drawn = self.drawn_rays * self.keeps_drawn
+        sizes = 4 * (self.slots - 1), 4 * drawn, 4 * drawn, self.reflections * self.keeps_drawn
+        arrays = (dr.empty(mi.Float, max(size * paths, 1)) for size in sizes)
+        self.numbers, self.to, self.by, self.densities = arrays
+        self.places = dr.empty(mi.UInt32, max(sizes[0] * paths, 1))
 
-    def end(self, state) -> None:
-        """Evaluate the hits, and the state of the pass, so that a replay may read them."""
-        dr.eval(state, self.numbers, self.places)
+    def end(self, state, first) -> None:
+        """Evaluate all hits, and the state of the pass, so that a replay may read them.
+
+        first: those of the first rays.
+        """
+        self.first = first if self.slots else None
+        dr.eval(state, self.first, self.numbers, self.places, self.to, self.by, self.densities)
         self.is_read = True
 
-    def nearest(self, scene, sheets, ray, slot, goes_on, active, coherent=False):
-        """As `nearest_hit`, for a ray of a path with the number `slot`.
+    def nearest(self, scene, sheets, ray, slot, goes_on, active):
+        """As `nearest_hit`, for a ray of a path with the number `slot` after the first ray.
 
         goes_on: the paths that reach the ray's start, the same in both passes. active: those of
         them whose ray is traced.
         """
-        kept = goes_on & (slot < self.slots)
+        kept = goes_on & (slot + 1 < self.slots)
         index = slot * self.paths + self.lane
         if not self.is_read:
-            pi = nearest_hit(scene, sheets, ray, coherent, active)
+            pi = nearest_hit(scene, sheets, ray, active=active)
             is_valid = dr.select(pi.valid, mi.Float(1), 0)
             pointers = (dr.reinterpret_array(mi.UInt32, p) for p in (pi.shape, pi.instance))
             places = mi.Vector4u(pi.prim_index, pi.shape_index, *pointers)
             dr.scatter(self.numbers, mi.Vector4f(pi.t, *pi.prim_uv, is_valid), index, kept)
             dr.scatter(self.places, places, index, kept)
             return pi
-        pi = nearest_hit(scene, sheets, ray, coherent, active & ~kept)
+        pi = nearest_hit(scene, sheets, ray, active=active & ~kept)
         numbers = dr.gather(mi.Vector4f, self.numbers, index, kept)
         places = dr.gather(mi.Vector4u, self.places, index, kept)
         read = dr.zeros(mi.PreliminaryIntersection3f, dr.width(index))
@@ -58,3 +72,27 @@ class KeptHits:
         read.shape = dr.reinterpret_array(mi.ShapePtr, places.z)
         read.instance = dr.reinterpret_array(mi.ShapePtr, places.w)
         return dr.select(kept, read, pi)
+
+    def drawn(self, draw, number, active) -> DrawnDirection:
+        """A drawn panel, from the function `draw`. number: that of the drawn ray of a path."""
+        index = number * self.paths + self.lane
+        if not self.is_read:
+            drawn = draw()
+            ds, panel = drawn.ds, dr.reinterpret_array(mi.Float, drawn.index)
+            dr.scatter(self.to, mi.Vector4f(*ds.d, ds.dist), index, active)
+            dr.scatter(self.by, mi.Vector4f(ds.pdf, drawn.compared, panel, 0), index, active)
+            return drawn
+        to, by = (dr.gather(mi.Vector4f, rows, index, active) for rows in (self.to, self.by))
+        ds = dr.zeros(mi.DirectionSample3f)
+        ds.d, ds.dist, ds.pdf = mi.Vector3f(to.xyz), to.w, by.x
+        panel = dr.reinterpret_array(mi.UInt32, by.z)
+        return DrawnDirection(ds, by.y, panel, None, mi.Bool(True), mi.Float(0))
+
+    def density(self, density, reflection, active) -> mi.Float:
+        """The density from the function `density`, for the hit of the ray after a reflection."""
+        index = reflection * self.paths + self.lane
+        if self.is_read:
+            return dr.gather(mi.Float, self.densities, index, active)
+        value = density()
+        dr.scatter(self.densities, value, index, active)
+        return value

@@ -333,18 +333,20 @@ class PathTracer(RBIntegrator):
             first_hit = FirstHit.of(scene, self.emitters)
             recorders = Recorders([first_hit, LastCounts.of(self.max_bounces)])
         replay = None if mode == dr.ADMode.Primal else Replay(mode, δL, state_in)
-        kept, sheets = self.paths.kept, self.emitters.sheets
-        if kept is None:
-            pi = nearest_hit(scene, sheets, ray, coherent=True, active=active)
-        else:
-            if replay is None:
-                kept.begin(dr.width(ray))
-            pi = kept.nearest(scene, sheets, ray, mi.UInt32(0), active, active, coherent=True)
-        (L, state), valid, recorders = self.paths.walk(
-            sampler, (ray, pi), active, recorders, replay=replay
-        )
+        kept, pi = self.paths.kept, None
         if kept is not None and replay is None:
-            kept.end(state)
+            kept.begin(dr.width(ray))
+        elif kept is not None:
+            pi = kept.first
+        if pi is None:
+            pi = nearest_hit(scene, self.emitters.sheets, ray, coherent=True, active=active)
+        # Dr.Jit would trace the loop twice, to leave one constant of a sampler out of its state
+        with dr.scoped_set_flag(dr.JitFlag.OptimizeLoops, False):
+            (L, state), valid, recorders = self.paths.walk(
+                sampler, (ray, pi), active, recorders, replay=replay
+            )
+        if kept is not None and replay is None:
+            kept.end(state, pi)
         if self.closure == "tail":
             L += recorders.of(LastCounts).tail(recorders.of(FirstHit).of_model)[0]
         return L, valid, [], state
@@ -365,6 +367,8 @@ class PathTracer(RBIntegrator):
         """
         sensor = self.scene.sensors()[sensor] if isinstance(sensor, int) else sensor
         openings, self.paths.openings = self.paths.openings, None
+        # Made here: an evaluation between the draws of a sampler writes its numbers to memory
+        self.paths.max_bounces = dr.opaque(mi.UInt32, self.max_bounces)
         try:
             surfaces = differentiated(nodes(self.scene))
             self.paths.control = control_of(self, surfaces, sensor, int(mi.UInt32(seed)[0]))
@@ -373,6 +377,7 @@ class PathTracer(RBIntegrator):
             yield
         finally:
             self.paths.control, self.paths.kept, self.paths.openings = None, None, openings
+            self.paths.max_bounces = self.max_bounces
 
     def trace(
         self,

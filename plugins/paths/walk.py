@@ -49,17 +49,22 @@ class PathState:
     factors: those of the last emission by bin.
     """
 
-    ray: mi.Ray3f
+    o: mi.Point3f
+    d: mi.Vector3f
     pi: mi.PreliminaryIntersection3f
     throughput: mi.Spectrum
     bounce: mi.UInt32
     pdf: mi.Float
     is_delta: mi.Bool
-    passed: mi.UInt32
+    passed: mi.UInt32 | None
     receiver: Receiver | None
     latent: mi.Spectrum | None
     by_bin: dr.Local | None = None
     factors: dr.Local | None = None
+
+    @property
+    def ray(self) -> mi.Ray3f:
+        return mi.Ray3f(self.o, self.d)
 
 
 @dataclass(frozen=True)
@@ -174,7 +179,7 @@ class Walk:
         Returns
         -------
         (result, state) : tuple
-            `result` is the radiance or, in a replay, its derivative (Forward), mi.Spectrum. `state`
+            `result` is the radiance or its derivative (Forward), mi.Spectrum. `state`
             is for a replay: the radiance, and that along latent paths [W m^-2 sr^-1].
         valid : mi.Bool
             Whether the first ray hits a surface.
@@ -186,7 +191,7 @@ class Walk:
         most = most if isinstance(most, mi.UInt32) else dr.opaque(mi.UInt32, most)
         # Radiance: accumulated in the primal pass; in a replay, the part not yet accounted for
         L, latent = self.nothing() if primal else replay.state
-        δL = mi.Spectrum(0 if primal or replay.gradient is None else replay.gradient)
+        δL = mi.Spectrum(0) if mode == dr.ADMode.Forward else None
         is_controlled = not primal and self.control is not None
         cell = self.control.cells(dr.width(first)) if is_controlled else None
         active = mi.Bool(active)
@@ -197,7 +202,7 @@ class Walk:
             counts = ~(valid & self.emitters.is_model(path.pi.shape.emitter()))
         active = recorders.begin(path.pi, path.ray, active)
 
-        while dr.hint(active, label="bounce_path"):
+        while dr.hint(active, label="bounce_path", exclude=[most, hot, replay]):
             hit, lost = self.hit(path, most, active)
             recorders.meet(hit.bsdf, hit.si.wi)
             if dr.hint(self.emitters.passes, mode="scalar"):
@@ -229,12 +234,12 @@ class Walk:
                 if dr.hint(is_controlled, mode="scalar"):
                     c = self.control.incoming(hit.bsdf, path.bounce, cell)
                 reflected = replayed(path, hit, scattering, (L, latent), c, active)
-                δL = propagated(mode, [Le, scattering.brought, reflected], δL)
+                δL = propagated(replay, [Le, scattering.brought, reflected], δL)
 
             self.turn(path, hit, scattering, active)
             if dr.hint(part == OTHER_THAN_DIRECT, mode="scalar"):
                 counts |= path.bounce > 0
-        return (mi.Spectrum(L) if primal else δL, (L, latent)), valid, recorders
+        return (mi.Spectrum(L) if δL is None else δL, (L, latent)), valid, recorders
 
     def nothing(self) -> tuple:
         """The radiance and that along latent paths, of which nothing is known yet.
@@ -248,7 +253,7 @@ class Walk:
 
     def begin(self, ray, pi) -> PathState:
         """Paths whose first ray is traced. The inputs are copied, since the loop changes them."""
-        ray, pi = mi.Ray3f(ray), mi.PreliminaryIntersection3f(pi)
+        pi = mi.PreliminaryIntersection3f(pi)
         # Dr.Jit 1.5 reads a path's own array wrongly if its index is a number that began as one for
         # all paths, and becomes different between them
         bounce = mi.UInt32(0)
@@ -256,13 +261,14 @@ class Walk:
             bounce = dr.zeros(mi.UInt32, dr.width(ray))
             dr.make_opaque(bounce)
         return PathState(
-            ray=ray,
+            o=mi.Point3f(ray.o),
+            d=mi.Vector3f(ray.d),
             pi=pi,
             throughput=mi.Spectrum(1),
             bounce=bounce,
             pdf=mi.Float(0),
             is_delta=mi.Bool(True),
-            passed=mi.UInt32(0),
+            passed=mi.UInt32(0) if self.emitters.passes else None,
             receiver=dr.zeros(Receiver) if self.shares_hits else None,
             latent=None if self.explored is None else mi.Spectrum(0),
             by_bin=None if self.by_bin is None else self.by_bin.ones(),
@@ -303,7 +309,12 @@ class Walk:
             distance = si.t
             if emitters.passes:
                 distance = dr.norm(si.p - path.receiver.p)
-            pdf = emitters.pdf(self.scene, path.receiver, distance, si, hit.emitter, reachable)
+            of_hit = self.scene, path.receiver, distance, si, hit.emitter, reachable
+            density, kept = partial(emitters.pdf, *of_hit), self.kept
+            if kept is None or not kept.keeps_drawn:
+                pdf = density()
+            else:
+                pdf = kept.density(density, path.bounce - 1, reachable)
             share = dr.select(reachable, mis_weight(path.pdf, pdf), 1)
         counts = mi.Bool(True) if counts is None else counts
         share = dr.select(counts, share, 0)
@@ -315,7 +326,7 @@ class Walk:
                 share = dr.select(beyond, dr.select(si.is_valid(), mi.Float(1), 0), share)
             Le = path.throughput * share * emitted
         latent = None if path.latent is None else path.latent * share * dr.detach(emitted)
-        parts, by_bin = emitters.parts(hit.emitter, si.prim_index, path.ray.d, hit.active), None
+        parts, by_bin = emitters.parts(hit.emitter, si.prim_index, path.d, hit.active), None
         if self.by_bin is not None:
             emits = self.by_bin.emits(hit.emitter, hit.bsdf, si.wi, hit.active & ~beyond)
             numbers = self.by_bin.numbers(hit.emitter, parts, beyond)
@@ -329,7 +340,7 @@ class Walk:
         if emitters.sun is not None:
             sees = hit.active & counts & ~beyond & emitters.shows_sun(si, hit.emitter)
             with dr.resume_grad(when=not primal):
-                of_sun, pdf = emitters.sun_along(path.ray.d, sees)
+                of_sun, pdf = emitters.sun_along(path.d, sees)
                 share = dr.select(path.is_delta, 1, mis_weight(path.pdf, pdf))
                 latent_sun = None
                 if latent is not None:
@@ -367,10 +378,15 @@ class Walk:
         draws = hit.goes_on & is_smooth & (path.bounce < most)
         # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32 number
         # are too few for both
-        drawn = [
-            self.emitters.draw(table, si, sampler.next_2d(), sampler.next_2d(), draws)
-            for table in self.emitters.tables
-        ]
+        drawn = []
+        for number, table in enumerate(self.emitters.tables):
+            samples = sampler.next_2d(), sampler.next_2d()
+            draw = partial(self.emitters.draw, table, si, *samples, draws)
+            if self.kept is None or not self.kept.keeps_drawn or table.others is not None:
+                drawn.append(draw())
+            else:
+                of_ray = path.bounce * len(self.emitters.tables) + number
+                drawn.append(self.kept.drawn(draw, of_ray, draws))
         numbers = sampler.next_1d(), sampler.next_2d()
         first_to, *later = (si.to_local(direction.ds.d) for direction in drawn)
         with dr.resume_grad(when=not primal):
@@ -505,16 +521,18 @@ class Walk:
             path.latent = dr.select(becomes_latent, path.throughput, before)
             path.throughput = dr.select(becomes_latent, 0, path.throughput)
         path.throughput *= scattering.weight
-        to = dr.select(passes, path.ray.d, si.to_world(bs.wo))
+        to = dr.select(passes, path.d, si.to_world(bs.wo))
         path.pdf = dr.select(passes, path.pdf, bs.pdf)
         path.is_delta = dr.select(passes, path.is_delta, scattering.is_delta)
-        path.passed = dr.select(passes, path.passed + 1, 0)
+        if path.passed is not None:
+            path.passed = dr.select(passes, path.passed + 1, 0)
         if path.receiver is not None:
             receiver = self.emitters.receiver(si)
             path.receiver = dr.select(passes, path.receiver, receiver)
         # The offset from the surface is smaller than Mitsuba's in a small scene
-        path.ray = self.emitters.spawn_ray(si, to)
-        path.pi = self.nearest(path, hit, 0, path.ray, active)
+        ray = self.emitters.spawn_ray(si, to)
+        path.o, path.d = ray.o, ray.d
+        path.pi = self.nearest(path, hit, 0, ray, active)
         path.bounce += dr.select(passes, mi.UInt32(0), 1)
 
     def nearest(self, path: PathState, hit: Hit, kind: int, ray, active):
@@ -522,7 +540,7 @@ class Walk:
         scene, sheets = self.scene, self.emitters.sheets
         if self.kept is None:
             return nearest_hit(scene, sheets, ray, active=active)
-        slot = 1 + path.bounce * self.kept.kinds + kind
+        slot = path.bounce * self.kept.kinds + kind
         return self.kept.nearest(scene, sheets, ray, slot, hit.active, active)
 
 
@@ -584,14 +602,13 @@ def replayed(path: PathState, hit: Hit, scattering: Scattering, later, c, active
         return reflected
 
 
-def propagated(mode, radiances, δL) -> mi.Spectrum:
+def propagated(replay: Replay, radiances, δL) -> mi.Spectrum | None:
     """The derivative of each path's radiance with these parts of it added to `δL`.
 
-    In reverse mode `δL` is the gradient of the objective, and is passed on to the parameters.
+    In reverse mode, the gradient of the objective is passed on to the parameters.
     """
     with dr.resume_grad():
         Lo = sum(radiances)
-        if mode == dr.ADMode.Backward:
-            dr.backward_from(δL * Lo)
-            return δL
+        if replay.mode == dr.ADMode.Backward:
+            return dr.backward_from(replay.gradient * Lo)
         return δL + dr.forward_to(Lo)

@@ -9,7 +9,9 @@ import mi_lcair
 from mi_lcair.physics.bands import band
 from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.columns import control
-from mi_lcair.plugins.paths import kept_hits
+from mi_lcair.plugins.emission.emitter_table import EmitterTable
+from mi_lcair.plugins.paths import kept_hits, path_tracer
+from mi_lcair.plugins.paths.path_tracer import PathTracer
 from mi_lcair.plugins.paths.sheets import nearest_hit
 
 KEY = "floor.bsdf.emissivity"
@@ -34,24 +36,26 @@ def blind(scene, sheets, ray, coherent=False, active=True):
     return nearest_hit(scene, sheets, ray, coherent, False)
 
 
+def again(*arguments):
+    pytest.fail("a direction is drawn or its density computed again")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("emitter_sampling", ["true", "false"])
 def test_replay_traces_no_ray_again(monkeypatch, emitter_sampling):
     """The replay is blind, but for the hits that it reads. A grey floor needs no pilot."""
-    end = kept_hits.KeptHits.end
+    sample = PathTracer.sample
 
-    def then_blind(kept, state):
-        end(kept, state)
-        monkeypatch.setattr(kept_hits, "nearest_hit", blind)
+    def blind_replay(tracer, mode, **arguments):
+        with monkeypatch.context() as patch:
+            if mode != dr.ADMode.Primal:
+                for module in (kept_hits, path_tracer):
+                    patch.setattr(module, "nearest_hit", blind)
+                patch.setattr(EmitterTable, "draw", again)
+                patch.setattr(EmitterTable, "pdf", again)
+            return sample(tracer, mode, **arguments)
 
-    begin = kept_hits.KeptHits.begin
-
-    def then_seeing(kept, paths):
-        monkeypatch.setattr(kept_hits, "nearest_hit", nearest_hit)
-        begin(kept, paths)
-
-    monkeypatch.setattr(kept_hits.KeptHits, "end", then_blind)
-    monkeypatch.setattr(kept_hits.KeptHits, "begin", then_seeing)
+    monkeypatch.setattr(PathTracer, "sample", blind_replay)
     monkeypatch.setattr(control, "pilot_launch", lambda *arguments: pytest.fail("pilot"))
     found = gradients(emitter_sampling)
     hot, cold = in_band_radiance(band("total"), dr.llvm.ad.Float64(800.0, 300.0)).numpy()
