@@ -67,6 +67,11 @@ BACKWARD = {
         ["walls.emitter.temperature", "walls.bsdf.reflectance.value"],
     ),
     "furnace": ({"max_bounces": 8}, 16, ["room.emitter.temperature", "body.epsilon"]),
+    "cylinder_ir_range": (
+        {},
+        8,
+        ["ir_range_ir_range_wall.emissivity", "cylinder_bare_aluminum_bare_aluminum.epsilon"],
+    ),
 }
 
 

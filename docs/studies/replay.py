@@ -2,7 +2,7 @@
 
     python -m docs.studies.replay [PAGE]
 
-The script writes docs/validation/replay.md from replay.template.md. It takes about fifteen minutes.
+The script writes docs/validation/replay.md from replay.template.md. It takes about twenty minutes.
 """
 
 import re
@@ -44,6 +44,7 @@ ROUNDS = {
     "open_box": 40,
     "cavity": 40,
     "furnace": 20,
+    "cylinder_ir_range": 20,
 }  # of each integrator, for times and variances
 STEPS, RUNS, FIRST = 60, 20, 10**6  # steps of a loop, loops, and seed of the first image
 

@@ -288,6 +288,8 @@ class ReflectionBSDF(SpectralBSDF):
             check_known("lobe", LOBES, lobe)
         self.lobe = lobe
         asymmetry = 0 if self.model.reciprocal else mi.BSDFFlags.NonSymmetric
+        if self.model.name == "grey" and lobe == "brdf":
+            lobe = "diffuse"
         kind = {
             "brdf": mi.BSDFFlags.GlossyReflection | asymmetry,
             "mirror": mi.BSDFFlags.DeltaReflection | 0,

@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.emissivity import emits
-from mi_lcair.plugins.emission.panels import Panels, SeenPanel, chosen
+from mi_lcair.plugins.emission.panels import ByPower, Panels, SeenPanel, chosen
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted, pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
@@ -121,6 +121,7 @@ FEW_DRAWS = 3.0
 # Value of emitter_sampling, and its factor of the densities of drawn directions where they are
 # compared with those of reflected rays. It leaves the latter a share of 1 % where both are equal.
 PREFERRED, PREFERENCE = "preferred", 10.0
+EXACT = 2  # panels of which one is drawn by its projected solid angle, which is known exactly
 SIMILAR = 2.0  # ratio of the radiances of facets of an emitter that stand for each other
 
 
@@ -220,11 +221,13 @@ class DrawTable:
     smallest probability. density_and_bound: pairs of the probability of another emitter, 0 for a
     panel, and the bound. ends: end of each emitter's panels, and then of each other emitter.
     probability_of_other: that of one of the other emitters. all_surfaces: whether all other
-    emitters are surfaces. preference: factor of the densities that are compared with those of
+    emitters are surfaces. surrounds: whether there are only panels, which surround the scene.
+    suffices: whether there are so few panels that a draw is by what they send, and nothing else.
+    preference: factor of the densities that are compared with those of
     reflected rays, for the weights of multiple importance sampling.
     """
 
-    UNRECORDED = ("least", "bound", "ends")
+    UNRECORDED = ("least", "bound", "ends", "surrounds", "suffices")
 
     def __init__(self, emitters, bounds: dict, brightest: float, preference=1.0, like=None):
         """bounds: bound of the radiance of the emitters that a ray can hit; None if unknown.
@@ -256,6 +259,10 @@ class DrawTable:
             self.others = mi.UInt32([pointer_id(mi.EmitterPtr(emitter)) for emitter in others])
             self.choice = Choice(np.ones(len(others)))
         self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
+        choice = self.panel_choice
+        self.surrounds = isinstance(choice, ByPower) and choice.surrounds and not others
+        few = 0 < len(radiance) <= EXACT and not others and not self.surrounds
+        self.suffices = bool(few and least.min() > 0)
         self.is_empty = self.panel_choice is None and not others
         if not self.is_empty:
             self.share = 0.0 if self.panel_choice is None else 1.0 if not others else 0.5

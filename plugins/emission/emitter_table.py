@@ -96,6 +96,8 @@ class BinnedRadiance:
 # Largest number of surfaces in a row that a ray passes. A path that needs more is not a number, so
 # that it is counted and reported as an invalid sample.
 MOST_PASSED = 32
+# Of surfaces that reflect more than a diffuse surface, or transmit
+NOT_DIFFUSE = ~int(mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide)
 MOST_HIDDEN = 64  # pairs of a field of view and a shape of which a table keeps what is outside
 
 
@@ -113,7 +115,8 @@ class EmitterTable:
     surfaces that rays pass, see `is_passed`. sheets: those of the scene; None if it has none.
     """
 
-    UNRECORDED = ("bounds", "brightest", "brightest_of", "unbounded", "_in_view", "_hidden")
+    UNRECORDED = ("bounds", "brightest", "brightest_of", "unbounded", "surround")
+    UNRECORDED += ("_in_view", "_hidden")
 
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False, preference: float = 1.0):
         emitters = self.emitters = list(scene.emitters())
@@ -141,6 +144,7 @@ class EmitterTable:
         self.transmits = any(
             of_bsdf & int(mi.BSDFFlags.Transmission) and not is_passed(of_bsdf) for of_bsdf in flags
         )
+        self.is_diffuse = not any(of_bsdf & NOT_DIFFUSE for of_bsdf in flags)
         self.offsets, self.sheets = Offsets(scene), Sheets.of(scene)
         dr.make_opaque(self.sun_id, self.divided_id, self.spectral_plumes)
 
@@ -185,6 +189,12 @@ class EmitterTable:
         ]
         self.tables = [table for table in tables if not table.is_empty]
         self.draws = bool(self.tables)
+        self.surround = self.draws and all(table.surrounds for table in self.tables)
+
+    @property
+    def suffice(self) -> bool:
+        """Whether directions drawn toward emitters find all that they send to diffuse surfaces."""
+        return self.draws and self.is_diffuse and all(table.suffices for table in self.tables)
 
     def spawn_ray(self, si, d):
         return mi.Ray3f(self.offsets.leave(si, d), d)

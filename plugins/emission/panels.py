@@ -410,11 +410,14 @@ class ByPower:
 
     Where emitting walls surround the scene, all reflected paths end at some of them, and a tree
     costs more than it saves.
+
+    surrounds: whether they do.
     """
 
-    UNRECORDED = ("least",)
+    UNRECORDED = ("least", "surrounds")
 
-    def __init__(self, panels: Panels):
+    def __init__(self, panels: Panels, surrounds: bool = False):
+        self.surrounds = surrounds
         self.panels, self.choice = panels, Choice(panels.radiance * panels.area)
         self.least = self.choice.probability
         self.probabilities = mi.Float(self.least)
@@ -440,7 +443,7 @@ def chosen(panels: Panels) -> LightTree | ByPower:
     inward = np.sum(panels.normal * ((low + high) / 2 - panels.corners[:, 0]), axis=1) / 3
     power = panels.radiance * np.where(panels.emits_behind, 0, panels.area)
     surround = power @ inward > SURROUNDS * np.prod(high - low) * panels.radiance.max()
-    return ByPower(panels) if surround or len(power) == 1 else LightTree(panels)
+    return ByPower(panels, bool(surround)) if surround or len(power) == 1 else LightTree(panels)
 
 
 # Openings of hollow bodies: reflected paths that would escape through them are drawn again

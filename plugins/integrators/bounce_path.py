@@ -71,6 +71,10 @@ class BouncePath(RBIntegrator):
     both in a test run. With a fixed number of paths, and for derivatives and facets, `auto` is
     false.
 
+    `mi.render` saves rays if emitters are drawn. Where emitting meshes surround the scene, it draws
+    at every eighth reflection. Where at most two rectangles or triangles emit and all surfaces are
+    diffuse, the last reflection has no other ray than the drawn one.
+
     Derivatives (forward and reverse, `mi.render(scene, params)`) are available with respect to the
     parameters of BSDFs and emitters and to facet temperatures, but not to the geometry. Memory does
     not grow with the number of bounces. `PathTracer.trace` also returns the radiance by number of

@@ -40,7 +40,7 @@ from mi_lcair.plugins.paths.launch import (
 from mi_lcair.plugins.paths.scene_state import EMISSION, GEOMETRY, Form, SceneState
 from mi_lcair.plugins.paths.sheets import nearest_hit
 from mi_lcair.plugins.paths.sums import BlockSums, Sums, Tail, block_size
-from mi_lcair.plugins.paths.walk import Replay, Walk
+from mi_lcair.plugins.paths.walk import PACKET, Replay, Walk
 from mi_lcair.plugins.recorders.channels import Channels, LastCounts, cell_of
 from mi_lcair.plugins.recorders.radiance import SIZES, ByBounce, FirstHit, UnmetSource
 from mi_lcair.plugins.recorders.recorder import Recorders
@@ -340,11 +340,17 @@ class PathTracer(RBIntegrator):
             pi = kept.first
         if pi is None:
             pi = nearest_hit(scene, self.emitters.sheets, ray, coherent=True, active=active)
+        paths = self.paths
+        if self.emitters.surround:
+            paths.packets = dr.arange(mi.UInt32, dr.width(ray)) // PACKET
+        has_more = paths.ambient_radiance is not None or paths.explored is not None
+        paths.draws_last = self.emitters.suffice and not has_more
         # Dr.Jit would trace the loop twice, to leave one constant of a sampler out of its state
         with dr.scoped_set_flag(dr.JitFlag.OptimizeLoops, False):
-            (L, state), valid, recorders = self.paths.walk(
+            (L, state), valid, recorders = paths.walk(
                 sampler, (ray, pi), active, recorders, replay=replay
             )
+        paths.packets, paths.draws_last = None, False
         if kept is not None and replay is None:
             kept.end(state, pi)
         if self.closure == "tail":

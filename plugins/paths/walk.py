@@ -29,6 +29,11 @@ UPWARD = (0, 0, 1)
 # to a radiance is below the rounding error of Float32.
 LARGEST_LATENT = 1e-7
 
+# Reflections for each one that draws where emitting walls surround the scene. Reflected rays meet
+# emitters there, and drawn directions take time and mostly add noise.
+EVERY = 8
+PACKET = 16  # largest number of paths that a processor's vectors hold
+
 # Throughput below which a path goes on by Russian roulette
 FAINT = 1e-4
 
@@ -150,6 +155,8 @@ class Walk:
         self.by_bin: ByBin | None = None
         self.openings: Openings | None = None
         self.control = None  # control variate of a replay, see `Control`
+        self.packets: mi.UInt32 | None = None  # those that paths belong to, see `draws_at`
+        self.draws_last = False  # whether the last reflection has drawn rays alone
         self.kept: KeptHits | None = None  # hits that a replay does not trace again
 
     @property
@@ -224,6 +231,8 @@ class Walk:
             self.report(path, hit, scattering, most, recorders)
             # A path without throughput contributes nothing further
             active = hit.goes_on & (dr.max(scattering.weight) != 0)
+            if dr.hint(self.draws_last, mode="scalar"):
+                active &= path.bounce + 1 < most
             if dr.hint(self.explored is not None, mode="scalar"):
                 # Nor does a latent path that a second surface does not reflect
                 is_real = dr.max(path.throughput) != 0
@@ -305,7 +314,7 @@ class Walk:
         # The emitter may have been drawn at the vertex before. Both estimates share its radiance.
         share = mi.Float(1)
         if self.shares_hits:
-            reachable = hit.active & ~path.is_delta
+            reachable = hit.active & ~path.is_delta & self.draws_at(path.bounce - 1)
             distance = si.t
             if emitters.passes:
                 distance = dr.norm(si.p - path.receiver.p)
@@ -375,7 +384,7 @@ class Walk:
         # A delta lobe does not reflect light from a drawn direction. Beyond the last reflection
         # there is no emission, which the ambient radiance replaces.
         is_smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
-        draws = hit.goes_on & is_smooth & (path.bounce < most)
+        draws = hit.goes_on & is_smooth & (path.bounce < most) & self.draws_at(path.bounce)
         # Two 2D samples, for the emitter and for the point on it: the 23 bits of a Float32 number
         # are too few for both
         drawn = []
@@ -407,7 +416,7 @@ class Walk:
             table = self.emitters.tables[number]
             with dr.resume_grad(when=not primal):
                 direct = self.emitters.trace(table, nearest, si, direction, traced, with_hit)
-                part = self.bring(primal, path, hit, direct, value, recorders)
+                part = self.bring(primal, path, hit, most, direct, value, recorders)
                 brought = brought + part[0]
             latent = None if latent is None else latent + part[1]
         bs, weight, becomes_latent = self.reflected(path, hit, sampler, bs, weight)
@@ -424,7 +433,7 @@ class Walk:
             self.by_bin.reflect(path.by_bin, hit, bs, weight)
         return bs, weight * factor, self.becomes_latent(path, hit, bs, weight)
 
-    def bring(self, primal: bool, path, hit: Hit, direct, value, recorders):
+    def bring(self, primal: bool, path, hit: Hit, most, direct, value, recorders):
         """Radiance that a drawn direction brings, and that along latent paths, or None.
 
         direct: the `EmitterSample` of the direction. value: the direction in the surface's frame,
@@ -434,7 +443,8 @@ class Walk:
         with dr.resume_grad(when=not primal):
             # A point source or a parallel beam cannot be hit by a reflected ray, so its whole
             # radiance belongs to the drawn direction
-            share = dr.select(drawn.ds.delta, 1, mis_weight(drawn.compared, pdf)) / drawn.ds.pdf
+            is_whole = drawn.ds.delta | (self.draws_last & (path.bounce + 1 >= most))
+            share = dr.select(is_whole, 1, mis_weight(drawn.compared, pdf)) / drawn.ds.pdf
             radiance = direct.radiance(si)
             parts = self.emitters.parts(
                 direct.emitter, direct.hit.prim_index, drawn.ds.d, direct.counts
@@ -470,6 +480,16 @@ class Walk:
             )
         )
         return brought, latent
+
+    def draws_at(self, reflection) -> mi.Bool:
+        """Whether paths draw toward emitters at a reflection.
+
+        A mean of unbiased estimates is unbiased. Paths of one packet draw together, so that the
+        processor skips the draws of the others.
+        """
+        if self.packets is None:
+            return mi.Bool(True)
+        return (self.packets + reflection) % EVERY == 0
 
     def is_explored(self, hit: Hit) -> mi.Bool:
         if self.explored is None:
