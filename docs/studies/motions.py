@@ -345,6 +345,7 @@ def row_of_scene(name: str, parameters: dict, motion: str) -> str:
     intensity = numbers.render().mean("target")[0]
     differences = differences_of(numbers, motion)
     result, variances = differences.at(), {}
+    differences.turning = []  # compare both kinds beside a kink as well
     for kind in differences.kinds():
         differences.aims[result.step, -result.step] = None  # on the film, evenly
         ends = differences.totals([result.step, -result.step], kind, MANY)

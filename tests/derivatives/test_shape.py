@@ -20,6 +20,7 @@ from mi_lcair.derivatives.attached import AttachedPaths
 from mi_lcair.derivatives.places import ModelEdges
 from mi_lcair.derivatives.shape import Estimation, MovedMesh
 from mi_lcair.errors import InputError
+from mi_lcair.plugins.emission.triangles import triangle_vertices
 from mi_lcair.rendering.motions.motion import turned
 from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
@@ -282,6 +283,28 @@ def test_mirror_image_of_a_panel(moves):
     exact = (light(2e-3) - light(-2e-3)) / 4e-3
     sum_, error = result.total
     assert abs(sum_ - exact) < 3.5 * error < 0.15 * abs(exact)
+
+
+def test_narrow_lobe_in_an_even_room():
+    """The room belongs to the background. A tilted plate shows it times its reflectance."""
+    view, triangles = np.array([1.0, 0, 1]) / np.sqrt(2), [[0, 1, 2], [0, 2, 3]]
+    square = 0.1 * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    inward = triangle_vertices(convex_hull("walls", CUBE))[:, ::-1]
+    walls = mesh("walls", 2 * CUBE, inward, facet_type="sky")
+    plate = mesh("plate", square, triangles, kelvin=3.0, bsdf=LOBE)
+    scene = scene_of(plate, walls, view=view, max_bounces=1, away=1.2)
+    _, result = derivatives(scene, "plate", lambda p: p[:, :1] * [0, 0, 1], 2**12)
+    bsdf = mi.load_dict(LOBE)
+
+    def light(tilt):
+        si = mi.SurfaceInteraction3f()
+        si.wi = mi.Vector3f(float(np.sin(np.pi / 4 + tilt)), 0, float(np.cos(np.pi / 4 + tilt)))
+        share = bsdf.eval_diffuse_reflectance(si)[0].numpy()[0]
+        return 0.04 * np.hypot(1, np.tan(tilt)) * np.cos(np.pi / 4 + tilt) * share * L
+
+    exact = (light(0.01) - light(-0.01)) / 0.02
+    sum_, error = result.total
+    assert sum_ == pytest.approx(exact, rel=1e-3) and error < 1e-3 * abs(exact)
 
 
 def test_equal_to_attached_differences():
