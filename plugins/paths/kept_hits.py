@@ -7,22 +7,22 @@ from mi_lcair.plugins.emission.emitter_table import DrawnDirection
 from mi_lcair.plugins.paths.sheets import nearest_hit
 
 MOST_BYTES = 2**28  # of what is kept
-OF_HIT, OF_DRAWN, OF_DENSITY = 32, 32, 4  # bytes of each
+OF_HIT, OF_DRAWN = 32, 32  # bytes of each
 
 
 class KeptHits:
     """The hits of paths that the pass before a replay writes, and the directions that it draws.
 
     Memory does not grow with the number of reflections: beyond MOST_BYTES a replay traces again.
-    Directions and their densities are kept where there is room for all of them and for all hits.
+    Directions are kept where there is room for all of them and for all hits.
 
-    reflections: number of a path. kinds: number of rays of a vertex. rays: number of rays of a
-    path. first: hits of the first rays; None where they are not kept. keeps_drawn: whether drawn
-    directions are kept. is_read: whether all is written already.
+    kinds: number of rays of a vertex. rays, drawn_rays: numbers of rays of a path, and of those
+    that are drawn. first: hits of the first rays; None where they are not kept. keeps_drawn:
+    whether drawn directions are kept. is_read: whether all is written already.
     """
 
     def __init__(self, kinds: int, reflections: int):
-        self.kinds, self.reflections, self.is_read = kinds, reflections, False
+        self.kinds, self.is_read = kinds, False
         self.rays, self.drawn_rays = 1 + kinds * reflections, (kinds - 1) * reflections
 
     def begin(self, paths: int) -> None:
@@ -30,13 +30,12 @@ class KeptHits:
         most = MOST_BYTES // paths  # bytes of a path
         self.slots = min(self.rays, most // OF_HIT)
         self.lane, self.paths, self.is_read = dr.arange(mi.UInt32, paths), paths, False
-        of_drawn = self.drawn_rays * OF_DRAWN + self.reflections * OF_DENSITY
-        self.keeps_drawn = self.drawn_rays > 0 and self.rays * OF_HIT + of_drawn <= most
-        drawn = self.drawn_rays * self.keeps_drawn
-        sizes = 4 * (self.slots - 1), 4 * drawn, 4 * drawn, self.reflections * self.keeps_drawn
-        arrays = (dr.empty(mi.Float, max(size * paths, 1)) for size in sizes)
-        self.numbers, self.to, self.by, self.densities = arrays
-        self.places = dr.empty(mi.UInt32, max(sizes[0] * paths, 1))
+        of_path = self.rays * OF_HIT + self.drawn_rays * OF_DRAWN
+        self.keeps_drawn = self.drawn_rays > 0 and of_path <= most
+        drawn_rays = self.drawn_rays * self.keeps_drawn
+        hits, drawn = (max(4 * rays * paths, 1) for rays in (self.slots - 1, drawn_rays))
+        self.numbers, self.places = dr.empty(mi.Float, hits), dr.empty(mi.UInt32, hits)
+        self.to, self.by = dr.empty(mi.Float, drawn), dr.empty(mi.Float, drawn)
 
     def end(self, state, first) -> None:
         """Evaluate all hits, and the state of the pass, so that a replay may read them.
@@ -44,7 +43,7 @@ class KeptHits:
         first: those of the first rays.
         """
         self.first = first if self.slots else None
-        dr.eval(state, self.first, self.numbers, self.places, self.to, self.by, self.densities)
+        dr.eval(state, self.first, self.numbers, self.places, self.to, self.by)
         self.is_read = True
 
     def nearest(self, scene, sheets, ray, slot, goes_on, active):
@@ -87,12 +86,3 @@ class KeptHits:
         ds.d, ds.dist, ds.pdf = mi.Vector3f(to.xyz), to.w, by.x
         panel = dr.reinterpret_array(mi.UInt32, by.z)
         return DrawnDirection(ds, by.y, panel, None, mi.Bool(True), mi.Float(0))
-
-    def density(self, density, reflection, active) -> mi.Float:
-        """The density from the function `density`, for the hit of the ray after a reflection."""
-        index = reflection * self.paths + self.lane
-        if self.is_read:
-            return dr.gather(mi.Float, self.densities, index, active)
-        value = density()
-        dr.scatter(self.densities, value, index, active)
-        return value

@@ -61,7 +61,7 @@ class PathState:
     bounce: mi.UInt32
     pdf: mi.Float
     is_delta: mi.Bool
-    passed: mi.UInt32 | None
+    passed: mi.UInt32
     receiver: Receiver | None
     latent: mi.Spectrum | None
     by_bin: dr.Local | None = None
@@ -277,7 +277,7 @@ class Walk:
             bounce=bounce,
             pdf=mi.Float(0),
             is_delta=mi.Bool(True),
-            passed=mi.UInt32(0) if self.emitters.passes else None,
+            passed=mi.UInt32(0),
             receiver=dr.zeros(Receiver) if self.shares_hits else None,
             latent=None if self.explored is None else mi.Spectrum(0),
             by_bin=None if self.by_bin is None else self.by_bin.ones(),
@@ -318,12 +318,7 @@ class Walk:
             distance = si.t
             if emitters.passes:
                 distance = dr.norm(si.p - path.receiver.p)
-            of_hit = self.scene, path.receiver, distance, si, hit.emitter, reachable
-            density, kept = partial(emitters.pdf, *of_hit), self.kept
-            if kept is None or not kept.keeps_drawn:
-                pdf = density()
-            else:
-                pdf = kept.density(density, path.bounce - 1, reachable)
+            pdf = emitters.pdf(self.scene, path.receiver, distance, si, hit.emitter, reachable)
             share = dr.select(reachable, mis_weight(path.pdf, pdf), 1)
         counts = mi.Bool(True) if counts is None else counts
         share = dr.select(counts, share, 0)
@@ -544,8 +539,7 @@ class Walk:
         to = dr.select(passes, path.d, si.to_world(bs.wo))
         path.pdf = dr.select(passes, path.pdf, bs.pdf)
         path.is_delta = dr.select(passes, path.is_delta, scattering.is_delta)
-        if path.passed is not None:
-            path.passed = dr.select(passes, path.passed + 1, 0)
+        path.passed = dr.select(passes, path.passed + 1, 0)
         if path.receiver is not None:
             receiver = self.emitters.receiver(si)
             path.receiver = dr.select(passes, path.receiver, receiver)
