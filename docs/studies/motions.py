@@ -327,7 +327,7 @@ def fine_edges() -> dict[str, object]:
         for _ in range(3):
             start = process_time()
             paths = AttachedPaths(surface, scene.sensor(0), tracer, Choice(np.ones(len(triangles))))
-            paths.meets_itself()
+            paths.contacts.meets_itself()
             times.append(process_time() - start)
     edges = vars(paths.edges).values()
     return {

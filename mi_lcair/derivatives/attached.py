@@ -8,22 +8,13 @@ sensor and as points of reflecting surfaces see them.
 
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from scipy.spatial import cKDTree
 
-from mi_lcair.coincident import SINGLE, unit_normals
-from mi_lcair.derivatives.places import (
-    FLAT,
-    TURN,
-    AttachedPlace,
-    ModelEdges,
-    cosines_above,
-    derivative_of,
-)
+from mi_lcair.coincident import SINGLE
+from mi_lcair.derivatives.edges import FLAT, GRAZING, Contacts, ModelEdges
 from mi_lcair.plugins.bsdfs.reflection_bsdf import is_reflection_bsdf
 from mi_lcair.plugins.derivatives import flatten, own_memory
 from mi_lcair.plugins.emission.draw_table import PREFERENCE, DrawTable, is_mesh
@@ -35,7 +26,6 @@ from mi_lcair.plugins.emission.triangles import (
     numbers_of_triangles,
     pointer_id,
     table_size,
-    triangle_vertices,
     vertex_positions,
 )
 from mi_lcair.plugins.emitters.thermal_emitter import facet_type_of
@@ -47,13 +37,11 @@ from mi_lcair.rendering.facets import meshes_of_model
 from mi_lcair.rendering.statistics import check_valid, edge_share
 from mi_lcair.rendering.window import RANDOMISATIONS, window, window_size
 
+TURN = 1e-3  # change of a direction from which the slope of a reflection or an emission is taken
 NARROW = 30.0  # largest density of a lobe's directions from which on it is narrow [1/sr]
 MIRRORS = 3  # mirrors that a ray in a mirror direction follows
 BESIDE = 2e-5  # distance of a ray from a silhouette, in parts of the model's extent
 MOST_PATHS = 2**19  # paths of one pass, times their reflections, whose derivatives are kept
-# Distance at which surfaces touch, in parts of the extent; cosine of a ray that runs along one; and
-# where along an edge this is tried
-INSET, GRAZING, PLACES = 1e-5, 1e-3, (0.23, 0.51, 0.79)
 ONWARD = 0.25  # share of the paths from the film that go on from a drawn point
 EDGES = 0x27D4EB2F  # changes the seed of paths that begin beside silhouettes
 
@@ -150,14 +138,12 @@ class AttachedPaths:
         self.narrow = mi.UInt32(numbers) if ids else None
         self.rays, self.number = ParallelRays.of(sensor), numbers_of_triangles(surface.meshes)
         vertices = surface.vertices
-        firsts = np.append(0, surface.ends)
-        order = [triangle_vertices(mesh) + first for mesh, first in zip(surface.meshes, firsts)]
-        self.corners = mi.UInt32(np.ravel(np.concatenate(order)).astype(np.uint32))
-        of_model = vertices[: surface.of_model]
-        self.extent = float(np.linalg.norm(np.ptp(of_model, axis=0)))
+        self.corners = mi.UInt32(np.ravel(surface.as_traced).astype(np.uint32))
+        of_model, self.extent = vertices[: surface.of_model], surface.extent
         self.edges = ModelEdges(surface, kinds)
-        self.curves = None if starts is None else self.crossings()
-        pierced, self.crossing = self.curves or (np.zeros((0, 2, 5), int), np.zeros((0, 2), int))
+        self.contacts = Contacts(surface, self.edges, starts is not None)
+        none = np.zeros((0, 2, 5), int), np.zeros((0, 2), int)
+        pierced, self.crossing = self.contacts.curves or none
         self.lines = self.edges.ends, vertices
         if len(pierced):
             p, q, a, b, c = np.moveaxis(vertices[pierced.reshape(-1, 5)], 1, 0)
@@ -176,8 +162,18 @@ class AttachedPaths:
         away = np.linalg.norm((a + b) / 2 - of_model.mean(axis=0), axis=1) / self.extent
         seen = self.length / np.maximum(away, 1)
         self.by_length = self.choice(seen) if len(seen) else None
-        # Of meshes, the radiance of the sky stays where it is
+        self.prepare_drawing()
+        if starts is not None:
+            area, _ = surface.in_view(sensor, vertices)
+            self.aim = FacetStarts.at(surface.meshes, vertices[surface.triangles], area, starts)
+            self.aim.tables.extent = dr.opaque(mi.Float, self.extent)
+            self.silhouettes = self.seen_by_sensor()
+
+    def prepare_drawing(self) -> None:
+        """Prepare what draws panels of emitting meshes; the radiance of the sky stays as it is."""
         self.drawing, known = copy(self.emitters), (self.emitters.bounds, self.emitters.brightest)
+        surface = self.surface
+        of_model = surface.vertices[: surface.of_model]
         low, high = of_model.min(axis=0), of_model.max(axis=0)
         meshes = []
         for of in filter(is_mesh, self.emitters.emitters):
@@ -189,7 +185,7 @@ class AttachedPaths:
         own_memory(flatten(table))  # so that one kernel serves every copy
         self.drawing.tables = [table] if table.panel_count else []
         # Few reflected ones graze triangles, and the derivatives there are large
-        goes_on = starts is None and self.drawing.tables and self.narrow is None
+        goes_on = self.starts is None and self.drawing.tables and self.narrow is None
         self.onward = ONWARD if goes_on else 0.0
         if table.panel_count:
             panels, faces = table.panel_choice.panels, [m.face_count() for m in surface.meshes]
@@ -198,11 +194,6 @@ class AttachedPaths:
             shift = [of_mesh[of.get_shape()] - first for of, first in zip(meshes, before)]
             of_panels = panels.first + np.repeat(shift, panels.counts)
             self.of_panels = mi.UInt32(of_panels.astype(np.uint32))
-        if starts is not None:
-            area, _ = surface.in_view(sensor, vertices)
-            self.aim = FacetStarts.at(surface.meshes, vertices[surface.triangles], area, starts)
-            self.aim.tables.extent = dr.opaque(mi.Float, self.extent)
-            self.silhouettes = self.seen_by_sensor()
 
     def choice(self, lengths: np.ndarray) -> tuple:
         """What draws an edge by a length of each, (E,), and the density along each edge [1/m]."""
@@ -226,114 +217,6 @@ class AttachedPaths:
         if not (length * one_side).any():
             return None
         return self.choice(length * one_side)
-
-    def meets_itself(self, velocities=None) -> bool:
-        """Whether a part of the model touches another one, or passes through at unknown `curves`.
-
-        Where parts touch, they may come apart or pass through each other. With velocities of the
-        vertices (V, 3), this counts only if they do, but so does what lies on an edge or a vertex,
-        and what passes through.
-        """
-        if velocities is not None:
-            apart = np.abs(velocities - velocities[self.surface.welded]).max()
-            if apart > TURN * np.abs(velocities).max() or velocities[self.ends_within_edges].any():
-                return True
-        passes, touches = self.meetings(velocities)
-        return touches or (passes and self.curves is None)
-
-    def meetings(self, velocities=None) -> tuple[bool, bool]:
-        """Whether an edge passes through a triangle of another part, and whether it touches one.
-
-        Only those count of which a part moves. With velocities of the vertices (V, 3), only touches
-        count that come apart or pass through.
-        """
-        vertices, edges = self.surface.vertices, self.edges
-        moves = self.surface.moving >= 0 if velocities is None else velocities.any(axis=1)
-        if not len(edges.ends):
-            return False, False
-        a, b = (vertices[edges.ends[:, k]] for k in range(2))
-        along, inset = (b - a) / edges.length[:, None], INSET * self.extent
-        lengths = np.maximum(edges.length - 2 * inset, 0)
-        edge, place = np.nonzero(edges.opposite >= 0)
-        # Short rays through the planes of an edge's triangles, just beyond the edge
-        third = vertices[edges.opposite[edge, place]] - a[edge]
-        into = third - along[edge] * np.sum(third * along[edge], axis=1, keepdims=True)
-        into /= np.linalg.norm(into, axis=1, keepdims=True)
-        normal = np.cross(along[edge], into)
-        beyond = [a[edge] + t * (b - a)[edge] - inset * (into + normal) for t in PLACES]
-        rays = [(np.arange(len(a)), a + inset * along, along, lengths, np.full(len(a), np.nan))]
-        short = np.full(len(edge), 2 * inset)
-        rays += [(edge, o, normal, short, 0 * short + t) for o, t in zip(beyond, PLACES)]
-        number, start, to, length, t = map(np.concatenate, zip(*rays))
-        ray = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(to.T), mi.Float(length), 0, [])
-        pi = self.scene.ray_intersect_preliminary(ray)
-        hit = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
-        met, number, to, t = (values[hit >= 0] for values in (hit, number, to, t))
-        same, triangles = self.surface.welded, self.surface.triangles[met]
-        shares = (same[triangles][:, :, None] == same[edges.ends[number, None]]).any(axis=(1, 2))
-        normals = unit_normals(vertices[triangles])
-        shares |= ~moves[edges.ends[number]].any(axis=1) & ~moves[triangles].any(axis=1)
-        meets = ~shares & (np.abs(np.sum(normals * to, axis=1)) > GRAZING)
-        if velocities is not None and meets.any():
-            u, v = pi.prim_uv.numpy()[:, hit >= 0]
-            of_edges = np.einsum("kn,nkx->nx", [1 - t, t], velocities[edges.ends[number]])
-            corners = self.corners.numpy().reshape(-1, 3)[met]
-            apart = of_edges - np.einsum("kn,nkx->nx", [1 - u - v, u, v], velocities[corners])
-            apart = np.abs(np.sum(normals * apart, axis=1))
-            meets &= ~(apart <= TURN * np.abs(velocities).max())  # NaN where one passes through
-        return bool((meets & np.isnan(t)).any()), bool((meets & ~np.isnan(t)).any())
-
-    def crossings(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """The straight curves in which two triangles pass through each other.
-
-        At both ends, an edge of one triangle meets the other one: their vertices, (n, 2, 5). Also
-        the numbers of the two triangles, (n, 2). None if not all ends are found.
-        """
-        vertices, triangles = self.surface.vertices, self.surface.triangles
-        edges = ModelEdges(self.surface, np.arange(len(triangles)))
-        a, b = vertices[edges.ends].swapaxes(0, 1)
-        along, inset = (b - a) / edges.length[:, None], INSET * self.extent
-        edge, t, found = np.arange(len(a)), np.full(len(a), inset), [np.zeros((0, 2), int)]
-        while len(edge):
-            start, rest = a[edge] + t[:, None] * along[edge], edges.length[edge] - t - inset
-            ray = mi.Ray3f(mi.Point3f(start.T), mi.Vector3f(along[edge].T), mi.Float(rest), 0, [])
-            pi = self.scene.ray_intersect_preliminary(ray, active=mi.Bool(rest > 0))
-            met = self.number.at(pi.shape, pi.prim_index, pi.is_valid()).numpy().astype(int) - 1
-            on, t = met >= 0, t + pi.t.numpy() + inset
-            edge, t = edge[on], t[on]
-            found.append(np.stack([edge, met[on]], axis=1))
-        edge, met = np.concatenate(found).T
-        same = self.surface.welded
-        shares = (same[triangles[met]][:, :, None] == same[edges.ends[edge, None]]).any(axis=(1, 2))
-        edge, met = edge[~shares], met[~shares]
-        rows, k = np.nonzero(edges.beside[edge] >= 0)
-        pairs = np.sort(np.stack([edges.beside[edge[rows], k], met[rows]], axis=1), axis=1)
-        pairs, number, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-        moves = (self.surface.moving >= 0)[triangles[pairs]].any(axis=(1, 2))
-        if (count[moves] != 2).any():
-            return None
-        order = np.argsort(number.ravel(), kind="stable")
-        rows = rows[order][moves[number.ravel()[order]]]
-        ends = np.concatenate([edges.ends[edge], triangles[met]], axis=1)[rows]
-        return ends.reshape(-1, 2, 5), pairs[moves]
-
-    @cached_property
-    def ends_within_edges(self) -> np.ndarray:
-        """Where an edge ends within another one, so that both are the edge of a surface.
-
-        The vertices of the other one and of the end, (n, 3).
-        """
-        vertices, edges = self.surface.vertices, self.edges
-        ends = np.unique(self.surface.welded[edges.ends])
-        a, b = vertices[edges.ends].swapaxes(0, 1)
-        near = cKDTree(vertices[ends]).query_ball_point((a + b) / 2, edges.length * (0.5 - TURN))
-        edge, point = np.repeat(np.arange(len(near)), list(map(len, near))), vertices[ends]
-        number = np.concatenate(near).astype(int)
-        point = point[number] - a[edge]
-        along = ((b - a) / edges.length[:, None])[edge]
-        beside = np.linalg.norm(np.cross(along, point), axis=1)
-        within = beside < INSET * self.extent
-        return np.column_stack([edges.ends[edge], ends[number]])[within]
 
     # -------------------------------------------------------------------- Attached geometry
 
@@ -361,7 +244,7 @@ class AttachedPaths:
         corners = (dr.gather(mi.UInt32, self.corners, 3 * number + k) for k in range(3))
         return tuple(map(self.vertex, corners))
 
-    def attach(self, si, pi, active) -> AttachedPlace:
+    def attach(self, si, pi, active) -> "AttachedPlace":
         """Where rays have hit triangles: point and frame with derivatives; others stay."""
         triangle = self.number.at(pi.shape, pi.prim_index, active & pi.is_valid())
         known = triangle > 0
@@ -632,7 +515,7 @@ class AttachedPaths:
         change = of_all * (whole - dr.detach(whole)) - of_point * (point - dr.detach(point))
         return dr.select(active, change, 0)
 
-    def density_of(self, there: AttachedPlace, place: AttachedPlace) -> mi.Float:
+    def density_of(self, there: "AttachedPlace", place: "AttachedPlace") -> mi.Float:
         """Density that `drawn` compares for the direction to a place; a constant [1/sr]."""
         if not self.drawing.tables:
             return mi.Float(0)
@@ -724,10 +607,117 @@ class Visit:
     reflections that may follow.
     """
 
-    place: AttachedPlace
+    place: "AttachedPlace"
     toward: mi.Vector3f
     bsdf: mi.BSDFPtr
     throughput: mi.Float
     mirrored: mi.Float
     bounces: mi.UInt32
     active: mi.Bool
+
+
+@dataclass
+class AttachedPlace:
+    """A point of a surface and its frame, with derivatives, and the interaction without them.
+
+    twice_area: of its triangle [m^2]; 1 for other surfaces. triangle: from 1, or 0.
+    """
+
+    si: mi.SurfaceInteraction3f
+    p: mi.Point3f
+    s: mi.Vector3f
+    t: mi.Vector3f
+    n: mi.Vector3f
+    twice_area: mi.Float
+    triangle: mi.UInt32
+
+    def growth(self, place: "AttachedPlace") -> mi.Float:
+        """1, with the derivatives of the solid angle in which another place sees its triangle."""
+        between = self.p - place.p
+        cosine = dr.abs(dr.dot(self.n, dr.normalize(between)))
+        solid_angle = cosine * self.twice_area / dr.squared_norm(between)
+        return solid_angle / dr.detach(solid_angle)
+
+    def density(self, bsdf, toward, to, active) -> mi.Float:
+        """Density with which a reflection takes a direction, without derivatives [1/sr]."""
+        wi, wo = dr.detach(self.local(toward)), dr.detach(self.local(to))
+        return bsdf.pdf(mi.BSDFContext(), self.at(wi), wo, active)
+
+    def local(self, direction) -> mi.Vector3f:
+        return mi.Vector3f(*(dr.dot(direction, axis) for axis in (self.s, self.t, self.n)))
+
+    def at(self, wi) -> mi.SurfaceInteraction3f:
+        si = mi.SurfaceInteraction3f(self.si)
+        si.wi = wi
+        return si
+
+    def detached(self, bsdf, toward, to, active) -> mi.Float:
+        """Reflection toward a direction times cosine, without derivatives."""
+        wi, wo = self.local(dr.detach(toward)), self.local(to)
+        return bsdf.eval(mi.BSDFContext(), self.at(dr.detach(wi)), dr.detach(wo), active)[0]
+
+    def reflection(self, bsdf, toward, to, active) -> mi.Float:
+        """Reflection times cosine, with its derivatives by both directions."""
+        ctx, wi, wo = mi.BSDFContext(), self.local(toward), self.local(to)
+        wi0, wo0 = dr.detach(wi), dr.detach(wo)
+        value = lambda i, o: bsdf.eval(ctx, self.at(i), o, active)[0]  # noqa: E731
+        f = value(wi0, wo0)
+        return f + slope(lambda i: value(i, wo0), wi) + slope(lambda o: value(wi0, o), wo)
+
+    def reflectance(self, bsdf, toward, active) -> mi.Float:
+        """Hemispherical reflectance of a lobe, less its value: its derivatives."""
+        value = lambda w: bsdf.eval_diffuse_reflectance(self.at(w), active)[0]  # noqa: E731
+        return slope(value, self.local(toward))
+
+    def emission(self, scene, toward, active) -> mi.Float:
+        """Emission toward a direction, with its derivatives."""
+        emitter, wi = self.si.emitter(scene, active), self.local(toward)
+        value = lambda w: emitter.eval(self.at(w), active)[0]  # noqa: E731
+        here = dr.select(self.si.is_valid(), slope(value, wi), 0)
+        return value(dr.select(self.si.is_valid(), dr.detach(wi), self.si.wi)) + here
+
+
+def cosines_above(n, corners: list) -> mi.Float:
+    """Integral of the cosine to a normal over a triangle's directions above the horizon [sr]."""
+
+    def between(p, q):  # Lambert's formula
+        p, q = (v * dr.rsqrt(dr.maximum(dr.squared_norm(v), 1e-30)) for v in (p, q))
+        normal = dr.cross(p, q)
+        sine = dr.sqrt(dr.maximum(dr.squared_norm(normal), 1e-12))
+        return dr.dot(n, normal) * dr.atan2(sine, dr.dot(p, q)) / sine
+
+    total, sets, rises = mi.Float(0), mi.Vector3f(0, 0, 1), mi.Vector3f(0, 0, 1)
+    cut = mi.Bool(False)
+    for p, q in zip(corners, corners[1:] + corners[:1]):
+        from_p, from_q = dr.dot(n, p), dr.dot(n, q)
+        crosses = (from_p > 0) != (from_q > 0)
+        place = p + from_p / dr.select(crosses, from_p - from_q, 1) * (q - p)
+        total += dr.select(
+            (from_p > 0) | (from_q > 0),
+            between(dr.select(from_p > 0, p, place), dr.select(from_q > 0, q, place)),
+            0,
+        )
+        sets = dr.select(crosses & (from_p > 0), place, sets)
+        rises = dr.select(crosses & (from_q > 0), place, rises)
+        cut |= crosses
+    return dr.abs(total + dr.select(cut, between(sets, rises), 0)) / 2
+
+
+def derivative_of(number) -> mi.Float:
+    """0, with the derivatives of a number."""
+    return number - dr.detach(number)
+
+
+def slope(function, direction) -> mi.Float:
+    """0, with the derivatives of a function of a direction."""
+    here = dr.detach(direction)
+    change = mi.Float(0)
+    with dr.suspend_grad():
+        slopes = []
+        for axis in mi.coordinate_system(here):
+            ends = [function(dr.normalize(here + side * TURN * axis)) for side in (1, -1)]
+            slopes.append((axis, (ends[0] - ends[1]) / (2 * TURN)))
+    for axis, of_axis in slopes:
+        moves = dr.dot(axis, direction)
+        change += of_axis * (moves - dr.detach(moves))
+    return change

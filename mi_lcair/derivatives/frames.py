@@ -434,7 +434,7 @@ def along_frame(
         frame = Frame.of(scene, windows, tracer)
         if frame is None:
             return {}
-        meets, varies = frame.paths.meets_itself, frame.varies
+        meets, varies = frame.paths.contacts.meets_itself, frame.varies
         rates = {k: frame.surface.of_all(of) for k, of in rates.items() if of is not None}
         names = [k for k, of in rates.items() if not of[varies].any() and not meets(of)]
         if not names:

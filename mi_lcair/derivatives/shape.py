@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from mi_lcair.charts import facets_section
 from mi_lcair.coincident import weld
 from mi_lcair.derivatives.attached import AttachedPaths, can_attach, mean_radiances
+from mi_lcair.derivatives.edges import Contacts, ModelEdges
 from mi_lcair.errors import InputError, check_known
 from mi_lcair.physics.bands import known_band
 from mi_lcair.plugins.emission.triangles import (
@@ -100,6 +101,17 @@ class MovedMesh:
         places = triangle, self.corners[triangle, corner]
         shape = len(values), len(self.positions)
         return csr_array((values[triangle, corner], places), shape=shape)
+
+    @cached_property
+    def extent(self) -> float:
+        """Diagonal of the box around the model [m]."""
+        return float(np.linalg.norm(np.ptp(self.vertices[: self.of_model], axis=0)))
+
+    @cached_property
+    def as_traced(self) -> np.ndarray:
+        """Vertices of the triangles in the order of a hit's coordinates on them, (T, 3)."""
+        firsts = np.append(0, self.ends)
+        return np.concatenate([triangle_vertices(of) + n for of, n in zip(self.meshes, firsts)])
 
     @cached_property
     def normals(self) -> np.ndarray:
@@ -294,7 +306,7 @@ class Estimation:
         with self.scene.prepared() as tracer:
             if can_attach(self.scene, tracer):
                 paths = AttachedPaths(self.surface, self.sensor, tracer, self.choice)
-                result = None if paths.meets_itself() else self.from_paths(paths)
+                result = None if paths.contacts.meets_itself() else self.from_paths(paths)
         norm = np.linalg.norm
         if result is not None and norm(result.error) <= NOISY * norm(result.mean):
             return result
@@ -449,7 +461,7 @@ def slope_along(scene, sensor, velocities: np.ndarray, paths: int, seed: int):
         if not can_attach(scene, tracer):
             return None
         attached = AttachedPaths(surface, sensor, tracer, choice)
-        if attached.meets_itself():
+        if attached.contacts.meets_itself():
             return None
         points = -(-paths // (2 * RANDOMISATIONS))
         found = attached.run(seed, points)
@@ -465,15 +477,13 @@ def slope_along(scene, sensor, velocities: np.ndarray, paths: int, seed: int):
     return np.append(by_block.mean(), deviations), float(np.linalg.norm(parts))
 
 
-def comes_apart(scene, sensor, velocities: np.ndarray) -> bool:
+def comes_apart(scene, velocities: np.ndarray) -> bool:
     """Whether parts of a model that touch move apart or into each other at velocities (V, 3)."""
     try:
         surface = MovedMesh(scene, None)
     except InputError:  # a triangle without area
         return False
-    with scene.prepared() as tracer:
-        paths = AttachedPaths(surface, sensor, tracer, None)
-        return paths.meetings(surface.of_all(velocities))[1]
+    return Contacts(surface, ModelEdges(surface)).meetings(surface.of_all(velocities))[1]
 
 
 def velocity_of_areas(surface: MovedMesh, sensor, velocities: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ import mi_lcair
 from mi_lcair.cli import main
 from mi_lcair.coincident import weld
 from mi_lcair.derivatives.attached import AttachedPaths
-from mi_lcair.derivatives.places import ModelEdges
+from mi_lcair.derivatives.edges import ModelEdges
 from mi_lcair.derivatives.shape import Estimation, MovedMesh
 from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.triangles import triangle_vertices
@@ -169,7 +169,7 @@ def test_parts_that_touch(height, meets):
     estimation = Estimation(surface, surface.outward, Sampling(paths=2**8))
     with scene.prepared() as tracer:
         paths = AttachedPaths(surface, estimation.sensor, tracer, estimation.choice)
-        assert paths.meets_itself() == meets
+        assert paths.contacts.meets_itself() == meets
 
 
 def test_a_box_that_rises_out_of_a_plate():

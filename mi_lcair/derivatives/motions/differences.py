@@ -422,7 +422,7 @@ class Differences:
         """Whether meshes that touch come apart or pass through each other."""
         if not (self.can_attach and self.motion.shapes):
             return False
-        return comes_apart(self.scene, self.camera, velocities_of(self.scene, self.name))
+        return comes_apart(self.scene, velocities_of(self.scene, self.name))
 
     def kink(self, facets: TurningFacets, reach: float, kind: DifferenceKind) -> Kink:
         """What facets that turn edge-on add, from renders of them alone beside the kink."""
