@@ -27,6 +27,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 SEEDS, SPP = 16, 256
 TEXELS, SKY, HOT = (300.0, 310.0, 330.0, 340.0), 250.0, 600.0  # plate's picture, sky, disc [K]
 ANGLE, DISTANCE = np.pi / 4, 10.0  # at which the plate is seen; to the disc [m]
+MANY = 8192  # samples per pixel with which sums in Float32 are rounded
 STEP = 1e-5  # of differences of Float64 numbers, relative to the value
 # Lobe, model, parameters, and half the angle of the disc in the mirror direction [rad]
 SURFACES = [
@@ -117,9 +118,9 @@ def plate_scene(model, values, half: float):
     )
 
 
-def rows_of(label: str, scene, exact: dict) -> list[str]:
+def rows_of(label: str, scene, exact: dict, spp: int = SPP) -> list[str]:
     """Rows of derivatives of the mean radiance by `dr.backward`, with their standard errors."""
-    run = backward(scene, None, list(exact), SPP)
+    run = backward(scene, None, list(exact), spp)
     runs = np.array([run(seed) for seed in range(SEEDS)])
     rows = []
     for key, value, found in zip(exact, exact.values(), runs.T):
@@ -166,6 +167,8 @@ def of_scenes() -> list[str]:
         for draws in ("false", "true")[: 1 + (name != "furnace")]:
             scene = mi_lcair.load(name, resolution=16, emitter_sampling=draws).mi
             rows += rows_of(f"{name}, {'drawn' if draws == 'true' else 'not'}", scene, of_keys)
+    scene = mi_lcair.load("open_box", resolution=16, emitter_sampling="true").mi
+    rows += rows_of(f"open_box, drawn, {MANY} samples", scene, exact["open_box"], MANY)
     return rows
 
 
