@@ -34,9 +34,9 @@ class ModelEdges:
         some = np.flatnonzero(np.tile(proper, 3))
         sides, ends = sides[some], ends[some]
         _, first, edge, count = np.unique(
-            ends, axis=0, return_index=True, return_inverse=True, return_counts=True
+            ends @ [len(vertices), 1], return_index=True, return_inverse=True, return_counts=True
         )
-        unique, edge = sides[first, :2], edge.ravel()
+        unique = sides[first, :2]
         order = np.argsort(edge, kind="stable")
         place = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
         opposite = np.full((len(unique), count.max()), -1)

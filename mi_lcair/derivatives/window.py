@@ -490,11 +490,12 @@ def differentiate_intensity(
 
 def differences_of(numbers: CommonNumbers, name: str, weights: Mapping | None = None):
     """The `Differences` of a part's mean radiance, or of its weighted sum, along a motion."""
+    parts = ("bounce",) if numbers.by_spectrum else ()  # a budget reads the closure that is in it
     return Differences(
         numbers.scene,
         name,
         numbers.repeated,
-        Measurands.of("target", numbers.by_spectrum, parts=()),
+        Measurands.of("target", numbers.by_spectrum, parts=parts),
         rows_of_part(numbers, weights),
         PARTS[numbers.part],
         numbers.aim,

@@ -31,6 +31,7 @@ from mi_lcair.physics.blackbody import in_band_radiance
 from mi_lcair.plugins.emission.source import Source
 from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
+from tests.derivatives.motions.test_differences import view_of_wall
 from tests.detection.disc_scenario import disc, triangles, write_disc
 from tests.knowing.budgets.formula import Formula, inputs
 from tests.knowing.budgets.plate_scene import (
@@ -559,3 +560,12 @@ def test_maps_of_a_plate(tmp_path):
     np.testing.assert_allclose(column[5:11, 5:11], expected, rtol=1e-3)
     np.testing.assert_allclose(channels["sigma.Y"][5:11, 5:11], 2 * expected, rtol=1e-3)
     assert not column[:3].any() and header["covariance"] == "[[4.0]]"
+
+
+def test_a_motion_in_a_band():
+    """The light of a hot plate on a reflector behind a gap, whose view factor is known."""
+    scene = mi_lcair.load("two_plates", band="LWIR", **{"plate.x_m": -0.02})
+    found = row(mi_lcair.budget(scene, {"sigma": {"plate.x_m": 1e-3}}, spp=64), "plate.x_m")
+    near, far = (view_of_wall(0.2, 0.1, 0.2, gap) for gap in (0.019, 0.021))
+    exact = (near - far) / 2 * float(in_band_radiance(band("LWIR"), 800.0))
+    assert found.contribution == pytest.approx(exact, rel=0.01)
