@@ -31,14 +31,14 @@ from mi_lcair.rendering.motions.motion import KINDS, matrix_of
 from mi_lcair.rendering.motions.pose import known_motions
 from mi_lcair.rendering.parameters.entries import is_grey_diffuse
 from mi_lcair.rendering.sampling import Sampling
-from mi_lcair.rendering.statistics import check_valid
+from mi_lcair.rendering.statistics import check_valid, edge_share
 from mi_lcair.rendering.window import Windows
 
 ALONG_FRAME = "edges and attached paths"
 # Samples per pixel of all, for each of the pilot that chooses it or differences; the most samples
 FEWER, MOST_OF_PILOT = 8, 2**16
 # Distance of a ray from an edge [pixels]; in roundings of a coordinate, the least one
-ASIDE, ROUNDINGS = 1e-4, 8
+ASIDE, ROUNDINGS = 1e-5, 8
 CLEAR = 4  # distance of a ray from the ends of an edge, in its distance from the edge
 ALONG_EDGES = 16  # places along a pixel's length of an edge for each point of a pixel
 MOST_RAYS = 2**20  # of one pass beside edges
@@ -214,7 +214,6 @@ class Frame:
         kinds = np.unique(shown, axis=0, return_inverse=True)[1].ravel()
         self.paths = AttachedPaths(surface, windows.sensor, tracer, None, kinds)
         self.film, self.surface, self.kinds = Film.of(windows.sensor), surface, kinds
-        self.extent = np.linalg.norm(np.ptp(surface.vertices, axis=0))
         black = [is_black(mesh.bsdf()) for mesh in meshes]
         self.is_black = all(black)
         self.reflects = ~np.array(black)[of_mesh]
@@ -253,9 +252,11 @@ class Frame:
 
     # ------------------------------------------------------------------ Edges on the film
 
-    def moving_edges(self, velocities: np.ndarray, seed: int, points: int) -> np.ndarray:
+    def moving_edges(self, velocities: np.ndarray, seed: int, points: int) -> tuple:
         """What edges that move over the pixels bring, (R, K, pixels).
 
+        Also standard errors from where their visible parts end if all randomisations agree, see
+        `edge_share`, (K, pixels).
         velocities: of all vertices, (K, V, 3) [m per unit]. points: of each randomisation.
         """
         vertices, R = self.surface.vertices, self.windows.randomisations
@@ -267,6 +268,7 @@ class Frame:
         part = np.repeat(np.arange(n), count)
         width = np.diff(edges.span, axis=0)[0] / np.maximum(count, 1)
         table, sums = self.table(edges, before, width), np.zeros((2, R, n))
+        of_ends = np.zeros((len(velocities), self.windows.count))
         for first in range(0, len(part), MOST_RAYS // R):
             of = part[first : first + MOST_RAYS // R]
             gained = self.step_across(table, of, seed, first)
@@ -274,11 +276,18 @@ class Frame:
             for r in range(R):
                 sums[0, r] += np.bincount(of, (1 - middle) * gained[r], n)
                 sums[1, r] += np.bincount(of, middle * gained[r], n)
+            jump = np.abs(np.diff(gained, append=gained[:, -1:])).min(axis=0) * width[of]
+            jump *= edge_share(R) * (np.diff(edges.edge[of], append=-1) == 0)
+            at_jump = np.flatnonzero(jump)
+            of, middle, jump = of[at_jump], middle[at_jump], jump[at_jump]
+            for errors, (a, b) in zip(of_ends, edges.speeds):
+                swept = (a[of] + middle * (b - a)[of]) * jump
+                errors += np.bincount(edges.pixel[of], swept**2, len(errors))
         gained = np.einsum("erp,kep,p->rkp", sums, edges.speeds, width)
         total = np.zeros((R, len(velocities), self.windows.count))
         for r, k in np.ndindex(total.shape[:2]):
             total[r, k] = np.bincount(edges.pixel, gained[r, k], self.windows.count)
-        return total
+        return total, np.sqrt(of_ends)
 
     def table(self, edges: MovingEdges, before: np.ndarray, width: np.ndarray):
         """What `step_across` needs of each part of edges: eleven numbers.
@@ -289,7 +298,8 @@ class Frame:
         """
         film, (a, b) = self.film, edges.ends
         points = self.surface.vertices[self.paths.edges.ends[edges.edge]]
-        rounding = ROUNDINGS * SINGLE * np.abs(points).max(axis=(1, 2))
+        largest = np.maximum(np.abs(points).max(axis=(1, 2)), self.surface.extent / 4)
+        rounding = ROUNDINGS * SINGLE * largest
         pitch = np.linalg.norm(film.axes[:, 0])  # [m]
         pitch = pitch * np.minimum(a[2], b[2]) if film.is_central else pitch
         aside = np.maximum(ASIDE, rounding / pitch) / np.linalg.norm((b - a)[:2], axis=0)
@@ -333,7 +343,7 @@ class Frame:
         depth: of the edge [m].
         """
         paths, beside = self.paths, self.paths.edges.beside
-        limits = mi.Vector3d(np.append(self.film.depths, self.extent))
+        limits = mi.Vector3d(np.append(self.film.depths, self.surface.extent))
         dr.make_opaque(limits)
         near = dr.maximum(depth - limits.z, limits.x)
         start, to = self.film.rays(place.x, place.y, near)
@@ -348,6 +358,10 @@ class Frame:
         for k in range(beside.shape[1]):
             of = dr.gather(mi.UInt32, numbers, beside.shape[1] * edge + k)
             is_beside |= (met > 0) & (met == of)
+        if self.surface.of_model < len(self.surface.vertices):  # the background may hide the edge
+            before = mi.Float((near - limits.x) * length)
+            back = mi.Ray3f(ray.o, -ray.d, before, 0, [])
+            is_beside &= ~paths.scene.ray_test(back, before > 0)
         return L[0], is_beside
 
     # -------------------------------------------------------------- Between the edges
@@ -419,8 +433,10 @@ class Frame:
 
 def along_frame(
     scene, names, windows: Windows, sampling: Sampling, difference: Callable
-) -> dict[str, np.ndarray]:
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Derivatives of the pixels along motions of meshes by name, (R, pixels) each.
+
+    Each with standard errors that the randomisations do not show, (pixels,).
 
     Motions whose differences have less error are left out, and those for which there is no `Frame`.
     difference: gives the difference for a name and a sampling, (R, pixels).
@@ -441,7 +457,7 @@ def along_frame(
             return {}
         velocities, points = np.array([rates[name] for name in names]), windows.points(few.spp)
         interior = frame.interior(velocities, seed, points)
-        pilot = frame.moving_edges(velocities, seed, points) + interior
+        pilot = frame.moving_edges(velocities, seed, points)[0] + interior
     changes = interior.any(axis=(0, 2))
     is_better = [
         # Differences without noise have met nothing that changes
@@ -453,10 +469,10 @@ def along_frame(
     velocities, points = velocities[is_better], windows.points(sampling.spp)
     with scene.prepared() as tracer:
         frame = Frame.of(scene, windows, tracer)
-        total = frame.moving_edges(velocities, seed, points)
+        total, missed = frame.moving_edges(velocities, seed, points)
         if changes[is_better].any():
             total += frame.interior(velocities, seed, points)
-    return dict(zip(compress(names, is_better), total.swapaxes(0, 1)))
+    return dict(zip(compress(names, is_better), zip(total.swapaxes(0, 1), missed)))
 
 
 def seen_velocities(scene, windows: Windows, name: str) -> np.ndarray | None:

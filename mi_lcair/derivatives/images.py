@@ -259,7 +259,7 @@ def differentiate_image(
     )
     for name in differenced:
         if name in along:
-            images[name] = along[name].reshape(radiance.shape).astype(np.float32)
+            images[name] = along[name][0].reshape(radiance.shape).astype(np.float32)
             method[name] = ALONG_FRAME
             continue
         images[name] = difference_of_images(scene, windows, name, sampling).astype(np.float32)
@@ -268,14 +268,17 @@ def differentiate_image(
     still = [name for name in names if kinds[name] != "motion"]
     missed = dict(zip(still, window.missed_errors(scene, first, still)))
     missed = [first.missed_error(), *(missed.get(name, 0 * first.paths) for name in names)]
+    missed = np.array(
+        [missed_nearby(errors, windows.size).reshape(windows.size) for errors in missed]
+    )
+    for name, (_, of_ends) in along.items():
+        missed[1 + names.index(name)] = of_ends.reshape(windows.size)
     derivatives = np.array([images[name] for name in names]).reshape(-1, *radiance.shape)
     return DerivativeImages(
         names=tuple(names),
         radiance=radiance,
         derivatives=derivatives.swapaxes(0, 1),
-        missed=np.array(
-            [missed_nearby(errors, windows.size).reshape(windows.size) for errors in missed]
-        ),
+        missed=missed,
         method=tuple(method[name] for name in names),
         scene_name=scene.name,
         band=scene.band.label,

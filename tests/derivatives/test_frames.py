@@ -154,6 +154,26 @@ def test_turned_cube(is_split):
         assert close(of, expected(TURNED, moved))
 
 
+@pytest.mark.parametrize("hidden", [False, True])
+def test_far_camera_over_a_large_ground(monkeypatch, hidden):
+    """Rays of 900 m are rounded; a square of the background may hide what moves from 450 m away."""
+    at = AT * 900 / np.linalg.norm(AT)
+    monkeypatch.setattr(f"{__name__}.FOV", FOV / 900 * np.linalg.norm(AT))
+    ground = 500 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) - [0, 0, 43]
+    parts = {"ground": ground} | ({"wall": at / 2 + 4 * SQUARE} if hidden else {})
+    squares = [
+        mesh(name, points, [[0, 1, 2], [0, 2, 3]], 0.0, 3.0, facet_type="terrain")
+        for name, points in parts.items()
+    ]
+    scene = scene_of(convex_hull("cube", TURNED), *squares, at=at)
+    found, _ = derivative(scene, "cube.y_m", spp=64)
+    exact = expected(TURNED, MOTIONS["y_m"], at=at)
+    if hidden:
+        assert np.abs(found).max() < 1e-6 * np.abs(exact).max()
+    else:
+        assert close(found[0], exact, 1e-3)
+
+
 def test_paths_begin_where_a_body_is():
     """In the pixels of which it covers a part, and in no others."""
     faces = triangle_vertices(convex_hull("cube", TURNED))
