@@ -468,7 +468,7 @@ def along_frame(
         return {}
     velocities, points = velocities[is_better], windows.points(sampling.spp)
     with scene.prepared() as tracer:
-        frame = Frame.of(scene, windows, tracer)
+        frame = Frame(frame.surface, windows, tracer)
         total, missed = frame.moving_edges(velocities, seed, points)
         if changes[is_better].any():
             total += frame.interior(velocities, seed, points)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mi_lcair.plugins.derivatives import members
 from mi_lcair.plugins.emission.emissivity import emits
-from mi_lcair.plugins.emission.panels import ByPower, Panels, SeenPanel, chosen
+from mi_lcair.plugins.emission.panels import Panels, SeenPanel, chosen
 from mi_lcair.plugins.emission.spherical_polygons import Receiver
 from mi_lcair.plugins.emission.triangles import Choice, TriangleTable, is_faceted, pointer_id
 from mi_lcair.plugins.emitters.thermal_emitter import is_thermal
@@ -260,7 +260,7 @@ class DrawTable:
             self.choice = Choice(np.ones(len(others)))
         self.all_surfaces = all(e.flags() & int(mi.EmitterFlags.Surface) for e in others)
         choice = self.panel_choice
-        self.surrounds = isinstance(choice, ByPower) and choice.surrounds and not others
+        self.surrounds = choice is not None and choice.surrounds and not others
         few = 0 < len(radiance) <= EXACT and not others and not self.surrounds
         self.suffices = bool(few and least.min() > 0)
         self.is_empty = self.panel_choice is None and not others

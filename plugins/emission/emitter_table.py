@@ -115,8 +115,7 @@ class EmitterTable:
     surfaces that rays pass, see `is_passed`. sheets: those of the scene; None if it has none.
     """
 
-    UNRECORDED = ("bounds", "brightest", "brightest_of", "unbounded", "surround")
-    UNRECORDED += ("_in_view", "_hidden")
+    UNRECORDED = ("bounds", "brightest", "brightest_of", "unbounded", "_in_view", "_hidden")
 
     def __init__(self, scene, sampling: bool, by_spectrum: bool = False, preference: float = 1.0):
         emitters = self.emitters = list(scene.emitters())
@@ -189,7 +188,11 @@ class EmitterTable:
         ]
         self.tables = [table for table in tables if not table.is_empty]
         self.draws = bool(self.tables)
-        self.surround = self.draws and all(table.surrounds for table in self.tables)
+
+    @property
+    def surround(self) -> bool:
+        """Whether only panels that surround the scene emit."""
+        return self.draws and all(table.surrounds for table in self.tables)
 
     @property
     def suffice(self) -> bool:

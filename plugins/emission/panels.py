@@ -240,6 +240,7 @@ class LightTree:
     """
 
     UNRECORDED = ("least",)
+    surrounds = False  # see `ByPower`
 
     def __init__(self, panels: Panels):
         power = panels.radiance * panels.area

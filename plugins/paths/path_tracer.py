@@ -4,6 +4,7 @@ import gc
 import os
 import warnings
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from math import hypot
@@ -333,14 +334,14 @@ class PathTracer(RBIntegrator):
             first_hit = FirstHit.of(scene, self.emitters)
             recorders = Recorders([first_hit, LastCounts.of(self.max_bounces)])
         replay = None if mode == dr.ADMode.Primal else Replay(mode, δL, state_in)
-        kept, pi = self.paths.kept, None
+        paths = copy(self.paths)  # of this pass: what it draws less is not for others
+        kept, pi = paths.kept, None
         if kept is not None and replay is None:
             kept.begin(dr.width(ray))
         elif kept is not None:
             pi = kept.first
         if pi is None:
             pi = nearest_hit(scene, self.emitters.sheets, ray, coherent=True, active=active)
-        paths = self.paths
         if self.emitters.surround:
             paths.packets = dr.arange(mi.UInt32, dr.width(ray)) // PACKET
         has_more = paths.ambient_radiance is not None or paths.explored is not None
@@ -350,7 +351,6 @@ class PathTracer(RBIntegrator):
             (L, state), valid, recorders = paths.walk(
                 sampler, (ray, pi), active, recorders, replay=replay
             )
-        paths.packets, paths.draws_last = None, False
         if kept is not None and replay is None:
             kept.end(state, pi)
         if self.closure == "tail":
