@@ -15,7 +15,7 @@ from mi_lcair.rendering.loading.parsing import extent
 from mi_lcair.rendering.measurands import Criterion, IntensityInterval, Measurands
 from mi_lcair.rendering.measure import aim_at_model, measure
 from mi_lcair.rendering.motions.motion import Motion, direction_of, matrix_of
-from mi_lcair.rendering.motions.pose import known_motions, moved, value_of
+from mi_lcair.rendering.motions.pose import known_motions, moved, unfolded, value_of
 from mi_lcair.rendering.parameters.entries import SCALED, Parameter
 from mi_lcair.rendering.parameters.values import changed, parameter
 from mi_lcair.rendering.sampling import Sampling
@@ -171,7 +171,8 @@ def pixel_step(scene, sensor, motion: Motion, parts: int = 1) -> float:
 
     parts: pixels of the sensor's film along each side of a pixel.
     """
-    return min(parts * of_pixels(scene, sensor, motion), MOST.get(motion.unit, np.inf))
+    step = min(parts * of_pixels(scene, sensor, motion), MOST.get(motion.unit, np.inf))
+    return unfolded(scene, motion, step)
 
 
 def of_pixels(scene, sensor, motion: Motion) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 
 from mi_lcair.derivatives.motions.kinks import AT_KINK, Kink, TurningFacets, turning_facets
 from mi_lcair.derivatives.shape import comes_apart, slope_along
+from mi_lcair.errors import InputError
 from mi_lcair.plugins.emission.draw_table import PREFERRED
 from mi_lcair.plugins.emission.triangles import vertex_positions
 from mi_lcair.plugins.integrators.bounce_path import AUTO
@@ -31,7 +32,7 @@ from mi_lcair.rendering.loading.parsing import extent
 from mi_lcair.rendering.measurands import Measurands
 from mi_lcair.rendering.measure import aim_over_model, blurred, measure
 from mi_lcair.rendering.motions.motion import MODEL, OBSERVER, Motion, matrix_of
-from mi_lcair.rendering.motions.pose import ScenePose, known_motions, moved, value_of
+from mi_lcair.rendering.motions.pose import ScenePose, known_motions, moved, unfolded, value_of
 from mi_lcair.rendering.sampling import Sampling
 from mi_lcair.rendering.scene import Scene, changed
 from mi_lcair.rendering.statistics import Totals, edge_share
@@ -184,7 +185,7 @@ def default_step(scene, motion: Motion) -> float:
     """Step of a motion; a turn about a point far from the scene is shorter, since it shifts it."""
     if motion.unit != "deg":
         part = SHIFT_STEP if motion.unit == "m" else SIZE_STEP
-        return part * scale_of(motion, value_of(scene, motion))
+        return unfolded(scene, motion, part * scale_of(motion, value_of(scene, motion)))
     low, high = extent(scene.mi)
     distance = np.linalg.norm((low + high) / 2 + scene.origin)
     is_about_origin = motion.name.partition(".")[0] in (MODEL, OBSERVER)
@@ -514,7 +515,10 @@ class Differences:
             change = abs(float(pilot.change[0]))
             grows = noise > truncation or change < AGREEING * pilot.error(pilot.change)
             factor, least = (2, 4 * change / 3) if grows else (0.5, 0.0)
-            other = self.pilot(factor * h, kind)
+            try:
+                other = self.pilot(factor * h, kind)
+            except InputError:  # control points would turn triangles over
+                break
             of_other = hypot(fewer * other.noise, max(other.truncation, least))
             if of_other > WORTH * error or (factor > 1 and other.verdict != "smooth"):
                 break

@@ -20,6 +20,8 @@ from mi_lcair.rendering.motions import motion
 from mi_lcair.rendering.motions.table import Declared
 from mi_lcair.rendering.views import model_shapes
 
+MOST_HALVINGS = 20  # of a step that would turn triangles over
+
 POSE, DECLARED = "pose", "declared"  # keys of `Scene.moved`
 
 
@@ -198,6 +200,20 @@ def moved(scene, values: Mapping[str, float]) -> Iterator[None]:
         yield
     finally:
         set_motions(scene, before)
+
+
+def unfolded(scene, of: motion.Motion, step: float) -> float:
+    """A step of a motion, halved until two steps either way turn no triangle over."""
+    value = value_of(scene, of)
+    for _ in range(MOST_HALVINGS if of.place is not None else 0):
+        try:
+            for end in (value + 2 * step, value - 2 * step):
+                with moved(scene, {of.name: end}):
+                    pass
+            break
+        except InputError:
+            step /= 2
+    return step
 
 
 @contextmanager

@@ -17,6 +17,8 @@ from mi_lcair.derivatives.common_numbers import CommonNumbers
 from mi_lcair.derivatives.motions.differences import ATTACHED, DifferenceKind
 from mi_lcair.derivatives.window import differences_of
 from mi_lcair.rendering.motions.motion import TURNS, turned
+from mi_lcair.rendering.motions.pose import declare
+from mi_lcair.rendering.motions.table import motions_of
 from mi_lcair.rendering.parameters.values import changed
 from mi_lcair.rendering.sampling import Sampling
 
@@ -364,3 +366,11 @@ def test_budget_of_pose():
     assert budget.sigma == pytest.approx(np.std(values), rel=0.03)
     assert budget.renders <= 1 + 2 * len(sigma)
     assert all(check.holds for check in budget.checks)
+
+
+def test_control_points_of_a_thin_body():
+    """The step of a difference is shorter than the body is thick, so that nothing turns over."""
+    scene = mi_lcair.load("cylinder_ir_range", resolution=8)
+    declare(scene, motions_of({"b.s": {"groups": ["self"], "control_points": 40}}))
+    found = derivative(scene, "b.s.0", 2**8)
+    assert 0 < found.step < 0.05 and np.isfinite(found.derivative)
